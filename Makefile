@@ -101,7 +101,7 @@ sanitize: $(BUILT)
 	cmake --build build/sanitize --parallel 2 --target scan_path -- --no-print-directory >/dev/null; \
 	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(core)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/path/posfet_core/; \
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 PYTHONPATH="$$PWD/build/sanitize/path:$$PYTHONPATH" \
-	python3 -m pytest -n0 test/core test/model/contacts/test_compiled_contacts.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py $(ARGS)
+	python3 -m pytest -n0 test/core test/model/*/test_compiled_*.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py $(ARGS)
 
 # Every part runs, whatever came of those before.
 soak: $(BUILT)

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "posfet_core/numbers.hpp"
 
@@ -16,29 +17,78 @@ namespace posfet {
 
 namespace {
 
-/// A square by its horizontal, vertical and diagonal neighbour, as indices of `Grid::kOffsets`.
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+/// Forces of a square by their position from the taxel that it predicts [N]; NaN: unknown, or outside of the array.
+struct Square {
+  double horizontal;
+  double vertical;
+  double diagonal;
+  bool inside;  ///< Whether it lies on the array.
+
+  double prediction() const { return horizontal * vertical / diagonal; }
+  double smallest() const { return minimum(minimum(horizontal, vertical), diagonal); }
+};
+
+/// The four squares of a taxel, by their neighbours in `Grid::kOffsets`.
 constexpr std::array<std::array<std::size_t, 3>, 4> kSquares{{{3, 1, 0}, {4, 1, 2}, {3, 6, 5}, {4, 6, 7}}};
+
+/// The squares of a taxel; forces below `floor` count as this one.
+std::array<Square, 4> squares(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+  const auto& around = grid.neighbours(taxel);
+  const auto known = [&](Taxel other) {
+    const bool usable = other != Grid::kOutside && (unknown == nullptr || !unknown[other]);
+    return usable ? maximum(floor, force[other]) : kUnknown;  // in this order: never -0.0
+  };
+  std::array<Square, 4> found{};
+  for (std::size_t index = 0; index < found.size(); ++index) {
+    const auto& [horizontal, vertical, diagonal] = kSquares[index];
+    found[index] = {known(around[horizontal]), known(around[vertical]), known(around[diagonal]),
+                    around[diagonal] != Grid::kOutside};
+  }
+  return found;
+}
 
 }  // namespace
 
-double least_neighbour_estimate(const Grid& grid, const double* force, Taxel taxel) {
-  const auto& around = grid.neighbours(taxel);
-  double least = HUGE_VAL;
-  bool inside = false;
-  for (const auto& [horizontal, vertical, diagonal] : kSquares) {
-    if (around[diagonal] == Grid::kOutside) {
+double neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+  double weighted = 0.0;
+  double total = 0.0;
+  double largest = kUnknown;
+  for (const Square& square : squares(grid, force, unknown, taxel, floor)) {
+    const double logarithm = std::log(square.prediction());
+    if (std::isfinite(logarithm)) {
+      weighted += square.smallest() * logarithm;
+      total += square.smallest();
+    }
+    largest = std::fmax(largest, maximum(square.horizontal, square.vertical));
+  }
+  return largest <= floor ? 0.0 : std::exp(weighted / total);
+}
+
+double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+  double least = std::numeric_limits<double>::infinity();
+  bool any = false;
+  for (const Square& square : squares(grid, force, unknown, taxel, 0.0)) {
+    if (!square.inside) {
       continue;
     }
-    inside = true;
-    const double beside = maximum(force[around[horizontal]], 0.0);
-    const double above = maximum(force[around[vertical]], 0.0);
-    const double opposite = maximum(force[around[diagonal]], 0.0);
-    if (std::isnan(beside) || std::isnan(above) || std::isnan(opposite)) {
+    const bool informative = square.smallest() >= floor;
+    if (!informative) {
       return 0.0;
     }
-    least = minimum(least, beside * above / opposite);
+    any = true;
+    least = minimum(least, square.prediction());
   }
-  return inside ? least : 0.0;
+  return any ? least : 0.0;
+}
+
+double largest_neighbour(const Grid& grid, const double* values, Taxel taxel) {
+  double largest = -std::numeric_limits<double>::infinity();
+  for (const Taxel other : grid.neighbours(taxel)) {
+    largest = other == Grid::kOutside ? largest : maximum(largest, values[other]);
+  }
+  return largest;
 }
 
 }  // namespace posfet

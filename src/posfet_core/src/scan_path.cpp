@@ -19,6 +19,7 @@
 #include "posfet_core/detection.hpp"
 #include "posfet_core/force_estimate.hpp"
 #include "posfet_core/jumps.hpp"
+#include "posfet_core/neighbour_estimate.hpp"
 #include "posfet_core/slip.hpp"
 #include "posfet_core/tracker.hpp"
 #include "python_arrays.hpp"
@@ -67,6 +68,12 @@ private:
   std::optional<Values> correlated_error_;
   ForceEstimate estimate_;
 };
+
+/// Flags of all taxels.
+using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
+
+/// Indices of taxels.
+using Indices = py::array_t<Taxel, py::array::c_style | py::array::forcecast>;
 
 double positive(double value, const char* name) {
   const bool fits = value > 0.0 && std::isfinite(value);
@@ -221,8 +228,54 @@ void bind_slip(const py::module_& module) {
   module.attr("SLIP_END_SPEED") = kSlipEndSpeed;
 }
 
+/// What a function of neighbour_estimate.hpp gives for each of some taxels.
+template <typename Estimate>
+py::array_t<double> estimates(Estimate estimate, const Grid& grid, const Values& force, const Tested& unknown,
+                              const Indices& wanted, double floor) {
+  const double* forces = values_of(force, grid.taxels(), "force");
+  require_taxels(unknown, grid.taxels(), "unknown");
+  py::array_t<double> found(wanted.size());
+  for (py::ssize_t index = 0; index < wanted.size(); ++index) {
+    const Taxel taxel = wanted.data()[index];
+    if (taxel < 0 || taxel >= grid.taxels()) {
+      throw py::index_error("wanted must have indices of taxels");
+    }
+    found.mutable_data()[index] = estimate(grid, forces, unknown.data(), taxel, floor);
+  }
+  return found;
+}
+
+void bind_neighbours(const py::module_& module) {
+  py::class_<Grid>(module, "NeighbourInterpolation", "What the neighbours of a taxel predict for its force.")
+      .def(py::init<const Layout&>(), py::arg("layout"))
+      .def(
+          "interpolate",
+          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
+            return estimates(neighbour_interpolation, grid, force, unknown, wanted, floor);
+          },
+          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
+          "Return the forces [N] of the wanted taxels as their neighbours predict them.")
+      .def(
+          "lower_bound",
+          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
+            return estimates(neighbour_lower_bound, grid, force, unknown, wanted, floor);
+          },
+          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
+          "Return the smallest force [N] that any square of each wanted taxel predicts.")
+      .def(
+          "max_neighbour",
+          [](const Grid& grid, const Values& level) {
+            const double* levels = values_of(level, grid.taxels(), "level");
+            py::array_t<double> found(grid.taxels());
+            for (Taxel taxel = 0; taxel < grid.taxels(); ++taxel) {
+              found.mutable_data()[taxel] = largest_neighbour(grid, levels, taxel);
+            }
+            return found;
+          },
+          py::arg("level"), "Return the largest value among the eight neighbours of each taxel.");
+}
+
 void bind_jumps(const py::module_& module) {
-  using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
   py::class_<JumpDetector>(module, "JumpDetector", "Finds jumps of single taxels from scan to scan.")
       .def(py::init<Taxel, double>(), py::arg("taxels"), py::arg("least"))
       .def(
@@ -261,6 +314,7 @@ PYBIND11_MODULE(scan_path, module) {
   posfet::bind_detection(module);
   posfet::bind_tracking(module);
   posfet::bind_slip(module);
+  posfet::bind_neighbours(module);
   posfet::bind_jumps(module);
   module.attr("ENTER_DEVIATIONS") = posfet::kEnterDeviations;
 }

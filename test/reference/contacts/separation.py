@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.grid import ALL_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_lists, neighbour_table
-from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
 from reference.contacts.corners import opposite_corners
 from reference.contacts.footprint import Footprint
 from reference.contacts.in_order import sum_in_order
+from reference.neighbour_estimate import NeighbourInterpolation
 
 SADDLE_RATIO: Final = 0.6
 """Greatest ratio of a saddle to the lower of its two peaks [1]: with the remaining gain errors, cylinders and pads have

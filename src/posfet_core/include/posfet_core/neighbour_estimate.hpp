@@ -8,16 +8,29 @@
 /// What the neighbours of a taxel predict for its force.
 ///
 /// Pressure that has spread through the elastomer skin falls off like a Gaussian. On a grid along its axes a Gaussian
-/// obeys f00 = f01*f10/f11 for every 2 x 2 square of taxels.
+/// obeys f00 = f01*f10/f11 for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
+/// logarithms, weighted by the smallest force in each) come close for other contacts too.
 #pragma once
 
 #include "posfet_core/grid.hpp"
 
 namespace posfet {
 
-/// The smallest force [N] that any 2 x 2 square of a taxel predicts from the `force` of all taxels [N], negative ones
-/// as 0. All squares that lie on the array have to be known, so that a taxel in a gap between two contacts is not
-/// expected to show a force: 0 where one is not, or where there is none.
-double least_neighbour_estimate(const Grid& grid, const double* force, Taxel taxel);
+/// Force [N] of a taxel as its neighbours predict it.
+///
+/// `force` are the forces of all taxels [N]; those of the `unknown` ones are not used, those below `floor` count as
+/// this one [N]. 0 where no known neighbour exceeds `floor`. NaN where every square of the taxel contains an unknown
+/// one or leaves the array.
+double neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor);
+
+/// The smallest force [N] that any square of a taxel predicts.
+///
+/// A square is informative when its other three taxels are known (`unknown` null: all are) and at least `floor` [N];
+/// negative forces count as 0. All squares that lie on the array have to be informative, so that a taxel in a gap
+/// between two contacts is not expected to show a force: 0 where one is not, or where there is none.
+double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor);
+
+/// The largest of some values of all taxels among the eight neighbours of one; -inf where it has none.
+double largest_neighbour(const Grid& grid, const double* values, Taxel taxel);
 
 }  // namespace posfet

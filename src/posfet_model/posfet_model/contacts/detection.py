@@ -21,9 +21,10 @@ from typing import Final
 from posfet_core import scan_path
 from posfet_core.contact import Region
 from posfet_model._lib.types import Array, Mask
-from posfet_model.sensor.description import ContactThresholds, Layout, Sensor
+from posfet_model.sensor.description import ContactThresholds, Sensor
+from posfet_model.sensor.grid import compiled_layout
 
-__all__ = ["ENTER_DEVIATIONS", "ContactFinder", "ForceEstimate", "Region", "compiled_layout"]
+__all__ = ["ENTER_DEVIATIONS", "ContactFinder", "ForceEstimate", "Region"]
 
 ENTER_DEVIATIONS: Final = scan_path.ENTER_DEVIATIONS
 """Standard deviations above zero from which a force begins a contact [1]."""
@@ -90,14 +91,3 @@ class ContactFinder(scan_path.ContactFinder):
             Thresholds of a taxel without uncertainty.
         """
         self.change_thresholds(contact.threshold, contact.threshold - contact.deadband)
-
-
-def compiled_layout(layout: Layout) -> scan_path.Layout:
-    """Return a layout for the compiled path.
-
-    Parameters
-    ----------
-    layout : Layout
-        Layout of an array.
-    """
-    return scan_path.Layout(layout.rows, layout.cols, layout.pitch_x, layout.pitch_y, layout.taxel_area)

@@ -22,8 +22,8 @@ from typing import Final
 
 from posfet_core import scan_path
 from posfet_core.contact import Motion
-from posfet_model.contacts.detection import compiled_layout
 from posfet_model.sensor.description import Layout
+from posfet_model.sensor.grid import compiled_layout
 
 __all__ = ["CORNER_FREQUENCY", "POWER_TIME_CONSTANT", "SLIP_END_SPEED", "SLIP_SPEED", "DynamicChannel", "Motion"]
 

@@ -19,6 +19,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core import scan_path
 from posfet_model._lib.types import Mask
 from posfet_model.sensor.description import Layout
 
@@ -106,3 +107,14 @@ def dilate(mask: Mask, table: NDArray[np.intp]) -> Mask:
     """
     grown = np.append(mask, np.False_)
     return np.asarray(grown[:-1] | grown[table].any(axis=1))
+
+
+def compiled_layout(layout: Layout) -> scan_path.Layout:
+    """Return a layout for the compiled path.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of an array.
+    """
+    return scan_path.Layout(layout.rows, layout.cols, layout.pitch_x, layout.pitch_y, layout.taxel_area)

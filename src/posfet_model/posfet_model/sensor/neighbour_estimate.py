@@ -10,26 +10,32 @@
 Pressure that has spread through the elastomer skin falls off like a Gaussian. On a grid along its axes a Gaussian obeys
 ``f00 = f01*f10/f11`` for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
 logarithms, weighted by the smallest force in each) come close for other contacts too.
+
+Compiled: `posfet_core`, neighbour_estimate.hpp.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from posfet_model._lib.types import Array, Mask
+from posfet_core import scan_path
 from posfet_model.sensor.description import Layout
-from posfet_model.sensor.grid import CORNER_NEIGHBOURS, neighbour_table
+from posfet_model.sensor.grid import compiled_layout
 
 INTERPOLATION_UNCERTAINTY: Final = 0.2
 """Relative standard uncertainty of an interpolated force [1]: 0.11 for spheres of 1.5 to 6 mm radius anywhere on a
 5 x 5 array, the rest for 5 % gain mismatch."""
 
 
-class NeighbourInterpolation:
+class NeighbourInterpolation(scan_path.NeighbourInterpolation):
     """Interpolates forces from the 2 x 2 squares around each taxel of one array.
+
+    `interpolate` returns the forces [N] of wanted taxels as their neighbours predict them: smaller forces than `floor`
+    count as this one; 0 where no known neighbour exceeds `floor`, NaN where every square of a taxel contains an
+    `unknown` one or leaves the array. `lower_bound` returns the smallest force [N] that any square of a taxel predicts;
+    a square is informative when its other three taxels are known and at least `floor`, and all squares that lie on the
+    array have to be, so that a taxel in a gap between two contacts is not expected to show a force: 0 otherwise.
+    `max_neighbour` returns the largest value among the eight neighbours of each taxel, -inf where it has none.
 
     Parameters
     ----------
@@ -38,101 +44,4 @@ class NeighbourInterpolation:
     """
 
     def __init__(self, layout: Layout) -> None:
-        self._horizontal = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
-        self._vertical = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
-        self._diagonal = neighbour_table(layout, CORNER_NEIGHBOURS)
-        self._inside = self._diagonal < layout.taxels
-        self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
-        self._values = np.zeros(layout.taxels + 1)
-
-    def interpolate(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
-        """Return the forces [N] of the `wanted` taxels as their neighbours predict them.
-
-        Parameters
-        ----------
-        force : ndarray
-            Force on each taxel [N], shape [rows * cols].
-        unknown : ndarray
-            Mask of the taxels whose force is not to be used, shape [rows * cols].
-        wanted : ndarray
-            Indices of the taxels to interpolate, shape [wanted].
-        floor : float
-            Smaller forces count as this one [N].
-
-        Returns
-        -------
-        ndarray
-            Forces [N], shape [wanted]. 0 where no known neighbour exceeds `floor`. NaN where every square of a taxel
-            contains an `unknown` one or leaves the array.
-        """
-        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            logarithm = np.log(horizontal * vertical / diagonal)
-            informative = np.isfinite(logarithm)
-            weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
-            weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
-            estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
-        largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
-        estimate[largest <= floor] = 0.0
-        return estimate
-
-    def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
-        """Return the smallest force [N] that any square of each `wanted` taxel predicts.
-
-        A square is informative when its other three taxels are known and at least `floor`. All squares that lie on the
-        array have to be informative, so that a taxel in a gap between two contacts is not expected to show a force.
-
-        Parameters
-        ----------
-        force : ndarray
-            Force on each taxel [N], shape [rows * cols].
-        unknown : ndarray
-            Mask of the taxels whose force is not to be used, shape [rows * cols].
-        wanted : ndarray
-            Indices of the taxels to bound, shape [wanted].
-        floor : float
-            Force from which a taxel is informative [N].
-
-        Returns
-        -------
-        ndarray
-            Forces [N], shape [wanted]; 0 where a square is not informative.
-        """
-        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, 0.0)
-        inside = self._inside.take(wanted, axis=0)
-        informative = np.minimum(np.minimum(horizontal, vertical), diagonal) >= floor  # False for NaN
-        bounded = (informative | ~inside).all(axis=1) & inside.any(axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            values = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
-        return np.where(bounded, values, 0.0)
-
-    def _squares(
-        self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float
-    ) -> tuple[Array, Array, Array]:
-        """Return the horizontal, vertical and diagonal neighbours' forces in each square, shape [wanted, 4]."""
-        values = self._values
-        np.maximum(force, floor, out=values[:-1])
-        values[:-1][unknown] = np.nan
-        values[-1] = np.nan
-        horizontal, vertical, diagonal = (
-            values.take(table.take(wanted, axis=0)) for table in (self._horizontal, self._vertical, self._diagonal)
-        )
-        return horizontal, vertical, diagonal
-
-    def max_neighbour(self, level: Array) -> Array:
-        """Return the largest value among the eight neighbours of each taxel.
-
-        Parameters
-        ----------
-        level : ndarray
-            Value of each taxel, in any unit, shape [rows * cols].
-
-        Returns
-        -------
-        ndarray
-            Largest value, shape [rows * cols]; -inf where a taxel has no neighbour.
-        """
-        self._values[:-1] = level
-        self._values[-1] = -np.inf
-        greatest: Array = self._values.take(self._all).max(axis=1)
-        return greatest
+        super().__init__(compiled_layout(layout))

@@ -1,0 +1,127 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Reference of the interpolation from neighbours, in NumPy, for that of posfet_model/sensor/neighbour_estimate.py."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model.sensor.description import Layout
+from posfet_model.sensor.grid import CORNER_NEIGHBOURS, neighbour_table
+
+
+class NeighbourInterpolation:
+    """Interpolates forces from the 2 x 2 squares around each taxel of one array.
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._horizontal = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
+        self._vertical = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
+        self._diagonal = neighbour_table(layout, CORNER_NEIGHBOURS)
+        self._inside = self._diagonal < layout.taxels
+        self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
+        self._values = np.zeros(layout.taxels + 1)
+
+    def interpolate(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
+        """Return the forces [N] of the `wanted` taxels as their neighbours predict them.
+
+        Parameters
+        ----------
+        force : ndarray
+            Force on each taxel [N], shape [rows * cols].
+        unknown : ndarray
+            Mask of the taxels whose force is not to be used, shape [rows * cols].
+        wanted : ndarray
+            Indices of the taxels to interpolate, shape [wanted].
+        floor : float
+            Smaller forces count as this one [N].
+
+        Returns
+        -------
+        ndarray
+            Forces [N], shape [wanted]. 0 where no known neighbour exceeds `floor`. NaN where every square of a taxel
+            contains an `unknown` one or leaves the array.
+        """
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            logarithm = np.log(horizontal * vertical / diagonal)
+            informative = np.isfinite(logarithm)
+            weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
+            weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
+            estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
+        largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
+        estimate[largest <= floor] = 0.0
+        return estimate
+
+    def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
+        """Return the smallest force [N] that any square of each `wanted` taxel predicts.
+
+        A square is informative when its other three taxels are known and at least `floor`. All squares that lie on the
+        array have to be informative, so that a taxel in a gap between two contacts is not expected to show a force.
+
+        Parameters
+        ----------
+        force : ndarray
+            Force on each taxel [N], shape [rows * cols].
+        unknown : ndarray
+            Mask of the taxels whose force is not to be used, shape [rows * cols].
+        wanted : ndarray
+            Indices of the taxels to bound, shape [wanted].
+        floor : float
+            Force from which a taxel is informative [N].
+
+        Returns
+        -------
+        ndarray
+            Forces [N], shape [wanted]; 0 where a square is not informative.
+        """
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, 0.0)
+        inside = self._inside.take(wanted, axis=0)
+        informative = np.minimum(np.minimum(horizontal, vertical), diagonal) >= floor  # False for NaN
+        bounded = (informative | ~inside).all(axis=1) & inside.any(axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            values = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
+        return np.where(bounded, values, 0.0)
+
+    def _squares(
+        self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float
+    ) -> tuple[Array, Array, Array]:
+        """Return the horizontal, vertical and diagonal neighbours' forces in each square, shape [wanted, 4]."""
+        values = self._values
+        np.maximum(force, floor, out=values[:-1])
+        values[:-1][unknown] = np.nan
+        values[-1] = np.nan
+        horizontal, vertical, diagonal = (
+            values.take(table.take(wanted, axis=0)) for table in (self._horizontal, self._vertical, self._diagonal)
+        )
+        return horizontal, vertical, diagonal
+
+    def max_neighbour(self, level: Array) -> Array:
+        """Return the largest value among the eight neighbours of each taxel.
+
+        Parameters
+        ----------
+        level : ndarray
+            Value of each taxel, in any unit, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Largest value, shape [rows * cols]; -inf where a taxel has no neighbour.
+        """
+        self._values[:-1] = level
+        self._values[-1] = -np.inf
+        greatest: Array = self._values.take(self._all).max(axis=1)
+        return greatest
