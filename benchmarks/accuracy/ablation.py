@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from benchmarks.fronts.estimators import WITHOUT_STATES
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.estimation.error_states import ErrorPriors
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor
@@ -64,8 +65,8 @@ class Without:
         return Reconstructor(sensor, self.calibration(sensor, calibration), settings=self.settings)
 
 
-def _observer(**settings: Any) -> Without:
-    return Without(settings=ReconstructionSettings(observer=ObserverSettings(**settings)))
+def _without_states(name: str) -> Without:
+    return Without(settings=ReconstructionSettings(priors=replace(ErrorPriors(), **WITHOUT_STATES[name])))
 
 
 PIECES: Final = {
@@ -75,12 +76,10 @@ PIECES: Final = {
         lambda _, calibration: replace(calibration, pyroelectric_gain=np.zeros_like(calibration.gain))
     ),
     "thermal lag of the film": Without(lambda _, calibration: replace(calibration, thermal_time_constant=0.0)),
-    "common-mode compensation": _observer(common_mode=False),
-    "leakage identification": _observer(
-        leakage_common_deviation_calibrated=1e-6, leakage_individual_deviation_calibrated=1e-6
-    ),
-    "1/f noise model of the baseline": _observer(flicker=1e-9),
-    "roll-back of absorbed drift": _observer(roll_back=False),
+    "states of the leakage": _without_states("no leakage error"),
+    "states of creep": _without_states("no creep"),
+    "states of bending": _without_states("no bending"),
+    "states of warmth": _without_states("no warmth"),
     "crosstalk compensation": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
     "mains hum removal": Without(settings=ReconstructionSettings(hum_removal=False)),
     "fault detection": Without(settings=ReconstructionSettings(fault_detection=False)),
@@ -91,9 +90,9 @@ TEXT: Final = """\
 Ablation study: the same boards without gain error, so that gain errors mask nothing, each time with one component of
 the reconstruction disabled (benchmarks/accuracy/ablation.py). Figures are means over the boards; a force error is
 missing where no force was reported as valid. Without calibration the nominal parameters of the description are used;
-without film temperature no pyroelectric signal is compensated; without common-mode compensation it is compensated by
-the chip sensors alone; without fault detection the faulty taxels that the calibration did not find count like the
-others. Leakage identification costs some accuracy where the calibration is exact."""
+without film temperature no pyroelectric signal is compensated; without the states of a cause of errors these are taken
+for known (docs/estimation.md); without fault detection the faulty taxels that the calibration did not find count like
+the others."""
 
 
 def rows(scores: Mapping[tuple[str, str], Sequence[Score]]) -> list[str]:

@@ -7,14 +7,14 @@
 
 """Accuracy under the effects of a real film and board, for contacts of every kind, and for long holds.
 
-Part of `make accuracy`; alone: `make accuracy ONLY=effects`. Both estimators process the same scans.
+Part of `make accuracy`; alone: `make accuracy ONLY=effects`.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -23,7 +23,6 @@ from typing import Any, Final
 import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
@@ -139,7 +138,7 @@ LONGEST_HOLD: Final = "hold_300s"
 
 @dataclass(frozen=True)
 class Case:
-    """One row for each estimator."""
+    """One row."""
 
     title: str
     board: ErrorModel
@@ -163,9 +162,9 @@ class Case:
 
 @dataclass(frozen=True)
 class Run:
-    """Scores of both estimators on one board."""
+    """Score on one board."""
 
-    scores: Mapping[Estimator, Score]
+    score: Score
     calibration: str
     """What is wrong with the calibration; empty: nothing."""
     seconds: float
@@ -251,7 +250,7 @@ def _calibration(seed: int, stand: ErrorModel) -> Calibration | str:
 
 
 def run(case: Case, seed: int) -> Run:
-    """Run both estimators on the scans of one board, calibrated on its own stand."""
+    """Run a case on one board, calibrated on its own stand."""
     begin, sensor, wrong = time.process_time(), load_sensor(), ""
     calibration = _calibration(seed, case.stand or case.board)
     if isinstance(calibration, str):
@@ -261,15 +260,12 @@ def run(case: Case, seed: int) -> Run:
         if after > before:
             wrong = f"residual {1e3 * after:.0f} mN, with nominal parameters {1e3 * before:.0f} mN"
     scene, duration = case.play()
-    models = {kind: Reconstructor(sensor, calibration, kind) for kind in Estimator}
-    scorers = {kind: Scorer(sensor) for kind in Estimator}
+    model, scorer = Reconstructor(sensor, calibration), Scorer(sensor)
     for number, (scan, truth) in enumerate(received_scans(sensor, scene, duration, seed, case.board)):
-        for kind, model in models.items():
-            result = model.process(scan)
-            if number % EVERY == 0 and result.accepted:
-                scorers[kind].add(result, model.image(), truth)
-    scores = {kind: scorer.score(0.0) for kind, scorer in scorers.items()}
-    return Run(scores, wrong, duration, time.process_time() - begin)
+        result = model.process(scan)
+        if number % EVERY == 0 and result.accepted:
+            scorer.add(result, model.image(), truth)
+    return Run(scorer.score(0.0), wrong, duration, time.process_time() - begin)
 
 
 @dataclass(frozen=True)
@@ -290,32 +286,27 @@ class Column:
         return max(known) if self.worst else float(np.mean(known))
 
 
-MEAN: Final = Column("mean error %", lambda score: score.total_force_error_pct, 2)
-MISLEADING: Final = Column("misleading %", lambda score: score.misleading_pct, 1)
 COLUMNS: Final = (
-    MEAN,
+    Column("mean error %", lambda score: score.total_force_error_pct, 2),
     Column("worst %", lambda score: score.total_force_worst_pct, 1, worst=True),
     Column("covered %: taxels", lambda score: score.coverage_pct["taxel"], 1),
     Column("contacts", lambda score: score.coverage_pct["contact"], 1),
     Column("total", lambda score: score.coverage_pct["total"], 1),
     Column("valid %", lambda score: score.valid_pct, 1),
-    MISLEADING,
+    Column("misleading %", lambda score: score.misleading_pct, 1),
     Column("contacts left", lambda score: score.contacts_left, 0, worst=True),
 )
 
-NAMES: Final = {Estimator.OBSERVER: "observer", Estimator.ERROR_STATE: "error state"}
-
 HEAD: Final = (
-    f"| effects | s | boards | estimator | {' | '.join(column.head for column in COLUMNS)} |",
-    "|---|---|---|---|" + "---|" * len(COLUMNS),
+    f"| effects | s | boards | {' | '.join(column.head for column in COLUMNS)} |",
+    "|---|---|---|" + "---|" * len(COLUMNS),
 )
 
 TEXT: Final = f"""\
 What a film and a readout board do that ideal ones do not (docs/simulation.md#real-film and below it), each alone, at
 the hard size and, with FULL=1 only, at the moderate one; all at once in the next section. The board is the default one
 besides, without resets and without an additional gain error, calibrated on its own stand with its effects (the
-recording of `posfet calibrate`). Both estimators process the same scans:
-`Estimator.ERROR_STATE`, the default, and `Estimator.OBSERVER`. Every {EVERY}th scan is scored.
+recording of `posfet calibrate`). Every {EVERY}th scan is scored.
 
 Force errors, coverage and "misleading" are about valid scans only: read them together with the share of scans that is
 valid, which includes the start. "Mean error" is the mean absolute error of the total force over the mean true one
@@ -335,7 +326,7 @@ d33 and leakage with temperature act while the chip warms by {60 * WARMING:g} K 
 
 TOGETHER_TEXT: Final = """\
 All effects at once, on `mixed`: four presses, a slide and a hold of 2 N for 20 s. "Calibrated without them": the same
-board, on a stand where it has none of the effects, so that what the estimators do is separated from what the
+board, on a stand where it has none of the effects, so that what the estimator does is separated from what the
 calibration does."""
 
 CONTACTS_TEXT: Final = """\
@@ -348,8 +339,8 @@ NOT_COVERED: Final = """\
 Not covered: combinations of effects other than all at once; faults of the link and resets; tangential forces, which are
 not simulated; other arrays than the 5 x 5 one; temperature changes in the tables of contacts and holds. One board, or
 few, give no confidence interval: a difference of some tenths of a per cent between two rows may be that of the draw.
-The effects are simulated by models of assumed magnitude, and the priors of the error-state estimator were chosen for
-such magnitudes: no real film was measured."""
+The effects are simulated by models of assumed magnitude, and the priors of the estimator were chosen for such
+magnitudes: no real film was measured."""
 
 
 def alone_rows(pool: Executor, full: bool) -> list[str]:
@@ -374,47 +365,26 @@ def hold_rows(pool: Executor, full: bool) -> list[str]:
 
 
 def _rows(pool: Executor, cases: Sequence[Case]) -> list[str]:
-    """Return a table, and sentences on which estimator is better."""
+    """Return a table, and which calibrations failed."""
     futures = [(case, [pool.submit(run, case, seed + 1) for seed in range(case.boards)]) for case in cases]
     table, found, processor = list(HEAD), [], 0.0
     for case, waiting in futures:
         runs = [future.result() for future in waiting]
         processor += sum(one.processor for one in runs)
         found.append((case, runs))
-        table += _case_rows(case, runs)
-        print(*table[-len(NAMES) :], sep="\n", flush=True)
-    return [*table, "", *_comparison(found), "", f"Processor time of this table: {processor:.0f} s."]
+        table.append(_row(case, runs))
+        print(table[-1], flush=True)
+    return [*table, "", *_failed(found), f"Processor time of this table: {processor:.0f} s."]
 
 
-def _case_rows(case: Case, runs: Sequence[Run]) -> list[str]:
+def _row(case: Case, runs: Sequence[Run]) -> str:
     wrong = ", wrongly calibrated" if any(one.calibration for one in runs) else ""
-    table = []
-    for kind, name in NAMES.items():
-        values = [column.value([one.scores[kind] for one in runs]) for column in COLUMNS]
-        cells = ["-" if value is None else f"{value:.{of.digits}f}" for of, value in zip(COLUMNS, values, strict=True)]
-        table.append(f"| {case.title}{wrong} | {runs[0].seconds:g} | {len(runs)} | {name} | {' | '.join(cells)} |")
-    return table
+    values = [column.value([one.score for one in runs]) for column in COLUMNS]
+    cells = ["-" if value is None else f"{value:.{of.digits}f}" for of, value in zip(COLUMNS, values, strict=True)]
+    return f"| {case.title}{wrong} | {runs[0].seconds:g} | {len(runs)} | {' | '.join(cells)} |"
 
 
-def _comparison(found: Sequence[tuple[Case, Sequence[Run]]]) -> list[str]:
-    """Return sentences on which estimator is better in which rows."""
-    text = []
-    for column, margin in ((MEAN, 0.1), (MISLEADING, 0.1)):
-        better, worse = [], []
-        for case, runs in found:
-            old, new = (column.value([one.scores[kind] for one in runs]) for kind in NAMES)
-            if old is None or new is None or abs(new - old) <= margin:
-                continue
-            (better if new < old else worse).append(f"{case.title}: {old:.{column.digits}f} -> {new:.{column.digits}f}")
-        text.append(
-            f"- {column.head}, observer -> error state, differences above {margin:g}: smaller in {len(better)} of "
-            f"{len(found)} cases{_listed(better)}; greater in {len(worse)}{_listed(worse)}."
-        )
+def _failed(found: Sequence[tuple[Case, Sequence[Run]]]) -> list[str]:
+    """Return a paragraph on the calibrations that failed; none if none did."""
     wrong = [f"{case.title}: {one.calibration}" for case, runs in found for one in runs if one.calibration]
-    if wrong:
-        text += ["", f"Calibrations that failed, one for each board: {'; '.join(wrong)}."]
-    return text
-
-
-def _listed(changes: Sequence[str]) -> str:
-    return f" ({'; '.join(changes)})" if changes else ""
+    return [f"Calibrations that failed, one for each board: {'; '.join(wrong)}.", ""] if wrong else []

@@ -18,8 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model.estimation.choice import Estimator
-from reference.held_force import ESTIMATED_LEAKAGE, Held, hold
+from reference.held_force import COMMON_LEAKAGE, OWN_LEAKAGE, Held, hold
 from reference.temperature_drift import Drift
 
 TIMES: Final = (1.0, 5.0, 20.0, 60.0)
@@ -67,34 +66,26 @@ CASES: Final = (
     Case(FLICKER, "ramp, random walk 2", Drift(random_walk=2e-3), untouched=15),
 )
 
-_COMMON: Final = ESTIMATED_LEAKAGE.leakage_common_deviation_calibrated
-_INDIVIDUAL: Final = ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated
-
 TEXT: Final = f"""\
-The estimator `observer`, whose few causes of an error are those of this film: it neither relaxes, bends nor is warmed
-by a touch. The default estimator, `error_state`, allows for these. With such a film it errs by 1.2 to 2.9 times the
-optimum at a constant temperature, within the reported deviation; during a random walk of the temperature of 1 to 2
-mK/sqrt(s), with all taxels touched, it errs by up to 9 times the optimum, and two deviations cover half of it
-(test/model/estimation/test_held_force.py).
+2 N held by 256 taxels at once, after 2 s at rest, with white noise alone and with additional 1/f noise. The film
+neither relaxes, bends nor is warmed by a touch, and the estimator knows that it does not. The optimal estimator is a
+Kalman filter that knows the noise, the leakage, and when something touches as well (test/reference/held_force.py).
+Errors are root mean squares over the taxels. Under white noise alone the reported standard uncertainty exceeds the
+error: the estimator allows for offsets that walk, whose absence cannot be known.
 
-2 N held by 256 taxels at once, after 2 s at rest, with white noise alone and with additional 1/f noise. The optimal
-estimator is a Kalman filter that knows the noise, the leakage, and when something touches
-(test/reference/held_force.py). Errors are root mean squares over the taxels. Under white noise alone the reported
-standard uncertainty exceeds the error: the observer allows for 1/f noise, whose absence cannot be known.
-
-Where the leakage is "estimated", its time constants differ from the calibration by {_COMMON * 100:g} % on all taxels
-in common and by {_INDIVIDUAL * 100:g} % on each taxel (standard deviations). The observer knows only these standard
-deviations and estimates the time constants online; the optimal estimator knows the time constants. The remaining error
-is that of the estimate from the held force itself.
+Where the leakage is "estimated", its time constants differ from the calibration by {COMMON_LEAKAGE * 100:g} % on all
+taxels in common and by {OWN_LEAKAGE * 100:g} % on each taxel (standard deviations). The estimator knows only these
+standard deviations and estimates the time constants online; the optimal estimator knows the time constants. The
+remaining error is that of the estimate from the held force itself.
 
 In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; "random walk" gives the intensity
 of an additional random walk of the chip temperature at all times, in mK/sqrt(s). The film lags behind the chip, two
 sensors measure the chip temperature at 10 Hz with a resolution of 1/256 K, and the taxels differ by
 {Drift.spread * 100:g} % in their pyroelectric response (test/reference/temperature_drift.py). The optimal estimator
-knows lag, rounding, random walk, and the greatest slope of a ramp; the observer estimates the random walk in the 2 s of
+knows lag, rounding, random walk, and the greatest slope of a ramp; the estimator observes the random walk in the 2 s of
 rest. Target: at most 1.2 times the error of the optimal estimator, and 95 % coverage of the two-sigma interval. Not
-reached: the ratio with the strongest random walk, which sometimes looks like a ramp, and the coverage in a ramp with
-untouched taxels, whose deviation from the mean pyroelectric response is not included in the reported uncertainty.
+reached: the ratio with white noise alone, where errors are smallest, and with a strong random walk, which looks like a
+ramp; the strongest is not covered either (test/model/estimation/test_held_force.py).
 
 Where taxels are left "untouched", in arrays of 25, they give the temperature of all taxels; the optimal estimator does
 not use them, so its columns are empty."""
@@ -111,7 +102,6 @@ def held(seed: int, case: Case) -> list[Held]:
         drift=case.drift,
         leakage_estimated=case.leakage_estimated,
         untouched=case.untouched,
-        estimator=Estimator.OBSERVER,
     )
     return list(found)
 

@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.contact.indenters import Sphere
@@ -39,10 +38,9 @@ HELD: Final = 1.0
 
 TEXT: Final = f"""\
 A ball of 4 mm radius presses slowly on a calibrated board without gain error. The detection delay counts from the scan
-in which the true force of a taxel reaches the contact threshold. A press that grows by less than
-{ObserverSettings.baseline_slew:g} thresholds a second on its strongest taxel is absorbed as drift.
-The part of a faster press before its detection is absorbed, too, on the surrounding taxels for longer. "Missing" is the
-share of the total force that is missing after {HELD:g} s of hold."""
+in which the true force of a taxel reaches the contact threshold. Until then the press looks like drift, which is
+absorbed, on the surrounding taxels for longer. "Missing" is the share of the total force that is missing after {HELD:g}
+s of hold."""
 
 
 def press(

@@ -75,10 +75,10 @@ def one_pole(charge: Array, step: float) -> Array:
     inverse = LeakageInverse(np.full(1 if charge.ndim == 1 else charge.shape[1], TAU), np.ones(1))
     columns = charge[:, None] if charge.ndim == 1 else charge
     out = np.zeros_like(columns)
-    change, offset = np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
+    change = np.zeros(columns.shape[1])
     inverse.start(columns[0])
     for index in range(1, len(columns)):
-        inverse.advance(columns[index], offset, step, change)
+        inverse.advance(columns[index], step, change)
         out[index] = out[index - 1] + change
     return out.reshape(charge.shape)
 
@@ -149,7 +149,7 @@ def _front(relaxing: bool, effort: Effort) -> Front:
         tuple(checks),
         f"On a film {where} one pole errs by {shown(own.error)} %, with the film's relaxation by {shown(more.error)} "
         f"%, at {shown(more.median / own.median)} times the run time. The inverse with several poles exists in this "
-        "benchmark alone: in the stack the slow responses are states of the estimator of all errors, as their sizes "
+        "benchmark alone: in the stack the slow responses are states of the estimator, as their sizes "
         "are not known well enough to be inverted.",
         why_not={
             "one pole and relaxation": "It is told the sizes of the relaxation, which no sensor comes with: the stack "

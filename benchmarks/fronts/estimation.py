@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks.fronts.estimators import SHIPPED, Variant, shipped_variant, title, variants
+from benchmarks.fronts.estimators import STACK, Variant, shipped_variant, variants
 from benchmarks.fronts.front import Effort, Front
 from benchmarks.fronts.pipeline import (
     A_PEER,
     BOARDS,
-    OTHER_ESTIMATOR,
     SENSOR,
     Method,
     Other,
@@ -29,7 +28,6 @@ from benchmarks.fronts.recordings import HEADINGS, Recording, record
 from benchmarks.outcome import shown
 from benchmarks.peers.taxel_kalman import TaxelKalman
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_sim.scene import load_scene
 
@@ -38,13 +36,13 @@ SCENES = {"hold_10s": 8.0, "press_slide_lift": 4.0}
 
 def _stack(variant: Variant) -> Method:
     def make(calibration: Calibration) -> Stack:
-        return Stack(Reconstructor(SENSOR, calibration, variant.estimator, variant.settings), variant)
+        return Stack(Reconstructor(SENSOR, calibration, variant.settings), variant)
 
     return make
 
 
 def methods() -> dict[tuple[str, str], Method]:
-    """Return how to make each estimator, by series and parameter."""
+    """Return how to make each variant and the peer, by series and parameter."""
     found: dict[tuple[str, str], Method] = {key: _stack(variant) for key, variant in variants().items()}
     found["fixed noise", "Kalman filter per taxel"] = lambda known: Other(TaxelKalman(SENSOR, known))
     return found
@@ -86,12 +84,8 @@ def _front(
         why_not={
             "": "A longer block averages more, but thresholds, faults and offsets follow a touch that much later; it "
             "is 20 ms, one period of the mains.",
-            **{
-                f"{title(each)} with less": "It leaves out a cause of error that these scenes do not have: the objects "
-                "in them are as warm as the chip, and one board has one film."
-                for each in Estimator
-            },
-            **{title(each): OTHER_ESTIMATOR for each in Estimator if each is not SHIPPED},
+            f"{STACK} with less": "It leaves out a cause of error that these scenes do not have: the objects in them "
+            "are as warm as the chip, and one board has one film.",
             "fixed noise": A_PEER,
         },
         question="an estimator of forces alone" if film == "realistic" else "",

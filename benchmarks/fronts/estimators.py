@@ -5,11 +5,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""The estimators that the fronts compare: the one place that knows their names and settings."""
+"""Variants of the estimator that the fronts compare: the one place that knows their names and settings."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -17,14 +16,10 @@ from typing import Any
 from unittest.mock import patch
 
 from posfet_model.estimation import force_estimator
-from posfet_model.estimation.choice import Estimator
 from posfet_model.estimation.error_states import ErrorPriors
-from posfet_model.estimation.settings import ObserverSettings
-from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 
-SHIPPED: Estimator = inspect.signature(Reconstructor).parameters["estimator"].default
-"""What a reconstructor uses unless told otherwise."""
+STACK = "this stack"
 
 BLOCKS = (0.01, 0.02, 0.05, 0.1)
 """Blocks [s]. Shorter ones than 20 ms, one period of the mains, see its hum as forces; one of 5 ms never settles."""
@@ -39,22 +34,16 @@ WITHOUT_STATES: Mapping[str, Mapping[str, Any]] = {
     "no creep": {"creep": (TINY, TINY, TINY), "creep_least": TINY},
     "film noise fixed": {"rate_change": TINY},
 }
-"""Groups of states of the estimator of all errors, left out by their priors."""
-
-
-def title(estimator: Estimator) -> str:
-    """Return an estimator's name as text."""
-    return estimator.value.replace("_", " ")
+"""Groups of states, left out by their priors."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """An estimator with its settings."""
+    """The estimator with other settings."""
 
-    estimator: Estimator = SHIPPED
     settings: ReconstructionSettings = field(default_factory=ReconstructionSettings)
     block: float | None = None
-    """Block of the estimator of all errors, which has no setting for it [s]; None: as shipped."""
+    """Block, for which there is no setting [s]; None: as shipped."""
 
     @contextmanager
     def in_use(self) -> Iterator[None]:
@@ -68,38 +57,18 @@ class Variant:
 
 def variants() -> dict[tuple[str, str], Variant]:
     """Return every block and every group left out, by series and parameter."""
-    return _observers() | _error_states()
+    found = {
+        (STACK, _block(block)): Variant(block=None if block == force_estimator.BLOCK else block) for block in BLOCKS
+    }
+    for name, priors in WITHOUT_STATES.items():
+        settings = ReconstructionSettings(priors=replace(ErrorPriors(), **priors))
+        found[f"{STACK} with less", name] = Variant(settings)
+    return found
 
 
 def shipped_variant() -> tuple[str, str]:
     """Return series and parameter of the variant that is shipped."""
-    block = ObserverSettings().block if SHIPPED is Estimator.OBSERVER else force_estimator.BLOCK
-    return title(SHIPPED), _block(block)
-
-
-def _observers() -> dict[tuple[str, str], Variant]:
-    estimator, default = Estimator.OBSERVER, ObserverSettings()
-
-    def changed(**changes: Any) -> Variant:
-        return Variant(estimator, ReconstructionSettings(observer=replace(default, **changes)))
-
-    found = {(title(estimator), _block(block)): changed(block=block) for block in BLOCKS}
-    less = f"{title(estimator)} with less"
-    found[less, "no common mode"] = changed(common_mode=False)
-    found[less, "no roll-back"] = changed(roll_back=False)
-    return found
-
-
-def _error_states() -> dict[tuple[str, str], Variant]:
-    estimator = Estimator.ERROR_STATE
-    found = {
-        (title(estimator), _block(block)): Variant(estimator, block=None if block == force_estimator.BLOCK else block)
-        for block in BLOCKS
-    }
-    for name, priors in WITHOUT_STATES.items():
-        settings = ReconstructionSettings(priors=replace(ErrorPriors(), **priors))
-        found[f"{title(estimator)} with less", name] = Variant(estimator, settings)
-    return found
+    return STACK, _block(force_estimator.BLOCK)
 
 
 def _block(seconds: float) -> str:

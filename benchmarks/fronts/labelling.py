@@ -104,7 +104,7 @@ def recorded(scene: str, scans: int) -> tuple[list[Scan], list[Array]]:
         reconstructor.process(scan)
         if index >= SETTLED:
             kept.append(scan.snapshot())
-            forces.append(reconstructor._observer.force.copy())
+            forces.append(reconstructor._estimator.force.copy())
     return kept, forces
 
 

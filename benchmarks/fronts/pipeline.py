@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.fronts.estimators import SHIPPED, Variant, title
+from benchmarks.fronts.estimators import STACK, Variant
 from benchmarks.fronts.front import Check, Choice, Effort, Front, FrontError
 from benchmarks.fronts.recordings import HEADINGS, Recording, Tally, random_scene, record
 from benchmarks.outcome import shown
@@ -27,7 +27,6 @@ from benchmarks.peers.skin_baseline import SkinBaseline
 from benchmarks.peers.taxel_kalman import TaxelKalman
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.tracker import ContactState
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
@@ -38,7 +37,9 @@ from posfet_sim.evaluation.scorer import Scorer
 from posfet_sim.scene import Keyframes, Scene, SceneObject, load_scene
 
 SENSOR = load_sensor()
-STACK = "this stack"
+SHIPPED = (STACK, "as shipped")
+"""Series and parameter of the shipped configuration."""
+
 SEEDS = range(1, 9)
 """Boards; the first one whose calibration is not refused is used."""
 
@@ -55,12 +56,10 @@ BOARDS = {"ordinary": ORDINARY, "realistic": ORDINARY.with_realism(MODERATE)}
 SCENES = {"press_slide_lift": 4.0, "two_fingers": 3.0, "hold_10s": 8.0}
 """Scenes of the first two fronts, with their duration [s]."""
 
-OTHER_ESTIMATOR = "One board does not decide between estimators: docs/accuracy.md compares both over many."
 A_PEER = (
     "It states no uncertainty, and knows nothing of temperature, faults, hum and offsets that change after the start."
 )
 WHY_NOT = {
-    **{f"{STACK}, {title(each)}": OTHER_ESTIMATOR for each in Estimator},
     f"{STACK}, uncalibrated": "Here what the nominal parameters miss and what the film does cancel in part; on "
     "the ordinary film they do not, and a calibration pays.",
     STACK: "It leaves out what protects against an error that this board or these scenes do not have.",
@@ -129,20 +128,20 @@ Method = Callable[[Calibration], "Stack | Other"]
 def methods() -> dict[tuple[str, str], Method]:
     """Return how to make each method from a calibration, by series and parameter."""
 
-    def stack(estimator: Estimator, calibrated: bool = True, **settings: bool) -> Method:
+    def stack(calibrated: bool = True, **settings: bool) -> Method:
         def make(calibration: Calibration) -> Stack:
             used = calibration if calibrated else None
-            return Stack(Reconstructor(SENSOR, used, estimator, ReconstructionSettings(**settings)))
+            return Stack(Reconstructor(SENSOR, used, ReconstructionSettings(**settings)))
 
         return make
 
     def other(peer: type[Peer]) -> Method:
         return lambda calibration: Other(peer(SENSOR, calibration))
 
-    found: dict[tuple[str, str], Method] = {(STACK, title(estimator)): stack(estimator) for estimator in Estimator}
-    found[STACK, "no hum removal"] = stack(SHIPPED, hum_removal=False)
-    found[STACK, "no fault detection"] = stack(SHIPPED, fault_detection=False)
-    found[STACK, "uncalibrated"] = stack(SHIPPED, calibrated=False)
+    found: dict[tuple[str, str], Method] = {SHIPPED: stack()}
+    found[STACK, "no hum removal"] = stack(hum_removal=False)
+    found[STACK, "no fault detection"] = stack(fault_detection=False)
+    found[STACK, "uncalibrated"] = stack(calibrated=False)
     for peer in peers():
         found[peer.name, ""] = other(peer)
     return found
@@ -224,7 +223,7 @@ def measured(
 
 def _front(film: str, what: str, recordings: Sequence[Recording], calibration: Calibration, effort: Effort) -> Front:
     choices = measured(methods(), recordings, calibration, min(effort.repeats, 3))
-    shipped = f"{STACK}, {title(SHIPPED)}"
+    shipped = ", ".join(SHIPPED)
     own = next(each for each in choices if each.name == shipped)
     rival = min((each for each in choices if each.series != STACK), key=lambda each: each.error)
     nearest = min((each for each in choices if each.series != STACK and each.more[0] == each.more[0]),
@@ -276,7 +275,7 @@ def theory() -> tuple[Check, ...]:
     chosen: dict[tuple[str, str], Method] = {
         ("curve", ""): lambda known: Other(CalibrationCurve(SENSOR, known)),
         ("Kalman", ""): lambda known: Other(TaxelKalman(SENSOR, known)),
-        ("stack", ""): methods()[STACK, title(SHIPPED)],
+        ("stack", ""): methods()[SHIPPED],
     }
     found = {key[0]: tally.force_percent for key, (tally, _) in run(chosen, [recording], calibration).items()}
     tau = SENSOR.device.leak_time_constant
@@ -297,7 +296,7 @@ def _untouched_start(recordings: Sequence[Recording]) -> Check:
 def _same_as_scorer(recording: Recording, calibration: Calibration) -> Check:
     """Compare the error of the total force with that of `posfet score`, which counts valid scans alone."""
     scorer, tally = Scorer(SENSOR), Tally(SENSOR)
-    reconstructor = Reconstructor(SENSOR, calibration, SHIPPED)
+    reconstructor = Reconstructor(SENSOR, calibration)
     for scan, truth in zip(recording.scans, recording.truths, strict=True):
         result = reconstructor.process(scan)
         image = reconstructor.image()

@@ -13,14 +13,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from benchmarks.fronts.estimators import SHIPPED, title
+from benchmarks.fronts.estimators import STACK
 from benchmarks.fronts.front import Check, Choice, Effort, Front
-from benchmarks.fronts.pipeline import A_PEER, OTHER_ESTIMATOR, STACK, Method, Other, Stack, peers, run
+from benchmarks.fronts.pipeline import A_PEER, Method, Other, Stack, peers, run
 from benchmarks.fronts.recordings import HEADINGS, record
 from benchmarks.outcome import shown
 from benchmarks.peers.taxel_kalman import TaxelKalman
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.device.error_model import ErrorModel
@@ -46,8 +45,8 @@ def measure(effort: Effort) -> list[Front]:
     return [_rates(effort), *([] if effort.short else [_size(name, effort) for name in SIZES])]
 
 
-def _stack(sensor: Sensor, estimator: Estimator = SHIPPED) -> Method:
-    return lambda known: Stack(Reconstructor(sensor, known, estimator))
+def _stack(sensor: Sensor) -> Method:
+    return lambda known: Stack(Reconstructor(sensor, known))
 
 
 def _measured(
@@ -119,20 +118,17 @@ def _why_invalid(other: Choice) -> str:
         return ""
     return (
         " (no force is valid: on a board without offsets all taxels switch between the same two codes, which the "
-        f"{title(SHIPPED)} takes for a change of temperature and restarts its offsets)"
+        "estimator takes for a change of temperature and restarts its offsets)"
     )
 
 
 def _size(name: str, effort: Effort) -> Front:
     sensor = load_sensor(name)
-    makers: dict[tuple[str, str], Method] = {
-        (STACK, title(estimator)): _stack(sensor, estimator) for estimator in Estimator
-    }
+    makers: dict[tuple[str, str], Method] = {(STACK, ""): _stack(sensor)}
     for peer in peers():
         makers[peer.name, ""] = lambda known, peer=peer: Other(peer(sensor, known))
     choices, got, wanted = _measured(sensor, makers, SECONDS_LARGE, effort)
-    shipped = f"{STACK}, {title(SHIPPED)}"
-    own = next(each for each in choices if each.name == shipped)
+    own = next(each for each in choices if each.name == STACK)
     rival = min((each for each in choices if each.series != STACK), key=lambda each: each.error)
     shape = f"{sensor.layout.rows} x {sensor.layout.cols}"
     return Front(
@@ -143,7 +139,7 @@ def _size(name: str, effort: Effort) -> Front:
         f"forces of the simulated scene {SCENE}, on a board with noise alone",
         0.0,
         tuple(choices),
-        shipped,
+        STACK,
         (
             Check("scans received of those expected [1]", got / wanted, 0.97, 1.03),
             Check("missed contacts of the shipped choice [%]", own.more[1], 0.0, 5.0),
@@ -151,7 +147,7 @@ def _size(name: str, effort: Effort) -> Front:
         f"With {shape} taxels the stack errs by {shown(own.error)} % and the best peer ({rival.name}) by "
         f"{shown(rival.error)} %, in {shown(rival.median / own.median)} of the run time. Choose by the errors of the "
         "whole pipeline above: this board has noise alone.",
-        why_not={f"{STACK}, {title(each)}": OTHER_ESTIMATOR for each in Estimator} | {"": A_PEER},
+        why_not=A_PEER,
         question=f"an array of {shape}",
         rival=rival.name,
         swept=False,

@@ -206,7 +206,7 @@ def run(task: Task, duration: float, seed: int = 0, feedback: bool = True) -> in
             nodes = stack.enter_context(
                 posfet.bringup.nodes(
                     ros_arguments=settings, namespace=f"{name}/tactile", source="can", can_interface="slcan",
-                    estimator="observer", can_channel=str(folder / name),
+                    can_channel=str(folder / name),
                 )
             )  # fmt: skip
             for node in nodes:

@@ -21,14 +21,12 @@ pytest.importorskip("matplotlib", reason="fronts are drawn")
 
 from benchmarks.fronts import __main__ as command
 from benchmarks.fronts import chart, page
-from benchmarks.fronts.estimators import SHIPPED, shipped_variant, variants
+from benchmarks.fronts.estimators import shipped_variant, variants
 from benchmarks.fronts.exhibit import Exhibit
 from benchmarks.fronts.front import Check, Effort, Front, FrontError, order
 from benchmarks.fronts.interleaved import interleaved
 from benchmarks.fronts.pipeline import theory
-from posfet_model.estimation.choice import Estimator
-from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.sensor.description import load_sensor
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.spice import ngspice
 from support.made_up_fronts import FAST, GOOD
 from support.made_up_fronts import choice as _choice
@@ -101,12 +99,9 @@ def test_interleaved_calls_are_all_timed() -> None:
     assert np.median(seconds["short"]) < np.median(seconds["long"])
 
 
-def test_the_shipped_estimator_is_read_from_the_code() -> None:
-    assert SHIPPED in Estimator
-    own = Reconstructor(load_sensor())
-    assert type(own._observer) is type(Reconstructor(load_sensor(), estimator=SHIPPED)._observer)
+def test_the_shipped_variant_of_the_estimator_changes_nothing() -> None:
     shipped = variants()[shipped_variant()]
-    assert shipped.estimator is SHIPPED
+    assert shipped.settings == ReconstructionSettings()
     assert shipped.block is None
 
 

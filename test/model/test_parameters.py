@@ -15,8 +15,7 @@ from typing import Any
 
 import pytest
 
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
-from posfet_model.parameters import ESTIMATOR, MAX_RELATIVE, MODEL_NODE, Parameter
+from posfet_model.parameters import MAX_RELATIVE, MODEL_NODE, Parameter
 
 WHOLE = Parameter("bitrate", 0, "Bitrate", unit="bit/s", low=0, high=1_000_000)
 RATE = Parameter("rate", 1000.0, "Scan rate", unit="Hz", low=1.0, high=4000.0)
@@ -94,11 +93,6 @@ def test_help_has_description_unit_and_default_and_argparse_prints_it() -> None:
 def test_every_default_survives_a_round_trip_through_text() -> None:
     for parameter in (*MODEL_NODE, WHOLE, RATE):
         assert parameter.parse(parameter.default_text) == parameter.default
-
-
-def test_every_estimator_can_be_chosen() -> None:
-    assert [Estimator(name) for name in ESTIMATOR.choices] == list(Estimator)
-    assert Estimator(ESTIMATOR.default) is DEFAULT_ESTIMATOR
 
 
 @pytest.mark.parametrize("value", [0.0, -0.2, 100.0, math.nan, math.inf])

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""A force held by many taxels at once: an estimator against the optimal one, which knows the true noise.
+"""A force held by many taxels at once: the estimator against the optimal one, which knows the true noise.
 
 The taxels have the white and 1/f noise of the simulated board (sums of octaves, not the Markov processes of a filter)
 and individual offsets. They are at rest, then all pressed with the same force. The temperature is constant or drifts
@@ -24,11 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.estimation.error_states import CREEPS, ErrorPriors
 from posfet_model.estimation.force_estimator import ForceEstimator
-from posfet_model.estimation.force_observer import ForceObserver
-from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.device.flicker_noise import FlickerNoise
@@ -48,17 +45,12 @@ BLOCK: Final = 20
 RATE: Final = 1.0 / STEP
 """Scan rate [Hz]."""
 
-ESTIMATED_LEAKAGE: Final = ObserverSettings(gain_deviation=1e-6)
-"""Exact gains; the leakage has the uncertainty of a calibration and is estimated online."""
+COMMON_LEAKAGE: Final = 0.07
+"""Relative deviation of the leakage time constants that all taxels have in common, where they are estimated online
+[1]: the effect of temperature and ageing."""
 
-KNOWN_LEAKAGE: Final = ObserverSettings(
-    gain_deviation=1e-6,
-    leakage_common_deviation=1e-6,
-    leakage_individual_deviation=1e-6,
-    leakage_common_deviation_calibrated=1e-6,
-    leakage_individual_deviation_calibrated=1e-6,
-)
-"""Exact gains and leakage, as for the optimal estimator."""
+OWN_LEAKAGE: Final = 0.02
+"""The same of each taxel's own [1]."""
 
 EXACT: Final = 1e-6
 """Relative deviation of what is known exactly [1]."""
@@ -155,14 +147,13 @@ def hold(
     rest: float = 2.0,
     flicker: float = 10e-6,
     side: int = 16,
-    sensor: Sensor | None = None,
     drift: Drift | None = None,
-    lag: float | None = None,
     leakage_estimated: bool = False,
     untouched: int = 0,
-    estimator: Estimator = DEFAULT_ESTIMATOR,
 ) -> Iterator[Held]:
     """Yield the errors of a held force, at `times` after its onset.
+
+    The estimator knows gains and film, and not the noise.
 
     Parameters
     ----------
@@ -178,35 +169,28 @@ def hold(
         1/f noise at 1 Hz [V/sqrt(Hz)].
     side : int
         Number of rows and of columns of the array.
-    sensor : Sensor, optional
-        Sensor; the default one without it.
     drift : Drift, optional
         Drift of the temperature; constant temperature without it.
-    lag : float, optional
-        True thermal lag of the film [s], if it differs from the one that both estimators assume.
     leakage_estimated : bool
         Whether the leakage time constants that the estimator assumes have the error of a calibration; the optimal
         estimator always knows the true ones.
     untouched : int
         Number of taxels left untouched. The errors exclude them, and the optimal estimator does not use them.
-    estimator : Estimator
-        Estimator that is compared with the optimal one. It knows gains and film, and not the noise.
     """
-    sensor = sensor or load_sensor()
+    sensor = load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
     random = np.random.default_rng([seed, 3])
-    wrong = ESTIMATED_LEAKAGE.leakage_common_deviation_calibrated * random.standard_normal()
-    wrong = wrong + ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
+    wrong = COMMON_LEAKAGE * random.standard_normal() + OWN_LEAKAGE * random.standard_normal(taxels)
     leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
     optimal = _OptimalEstimator(sensor, flicker, drift, leakage)
     # Both estimators know that the ramp begins with the touch.
     touch_rate = drift.ramp / (force * (taxels - untouched)) if drift else 0.0
-    estimated, touched = _estimated(estimator, sensor, leakage_estimated, touch_rate), np.zeros(taxels, np.bool_)
+    estimated, touched = _estimated(sensor, leakage_estimated, touch_rate), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
-    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leakage)
+    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, leakage)
     for index, (rise, signal, readings) in enumerate(signals):
         _observe(estimated, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
         best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
@@ -215,7 +199,7 @@ def hold(
         if held in times:
             true = force * rise
             error, least = np.mean(recent, axis=0)[pressed] - true, np.mean(best, axis=0) - true
-            shared = np.square(estimated.correlated_error).sum(axis=1) + estimated.common_variance
+            shared = np.square(estimated.correlated_error).sum(axis=1)
             deviation = np.sqrt(estimated.force_variance(np.empty(taxels)) + shared)[pressed]
             yield Held(
                 time=held,
@@ -258,28 +242,21 @@ class _OptimalEstimator:
         self._mean[:] = 0.0
 
 
-def _estimated(
-    estimator: Estimator, sensor: Sensor, leakage_estimated: bool, touch_rate: float
-) -> ForceObserver | ForceEstimator:
-    """Return an estimator with a recorded calibration without error, and exact gains."""
-    nominal, residuals = Calibration.nominal(sensor), Residuals(0.0, 0.0, 1)
-    settings = ESTIMATED_LEAKAGE if leakage_estimated else KNOWN_LEAKAGE
-    if estimator is Estimator.OBSERVER:
-        return ForceObserver(sensor, settings, replace(nominal, residuals=residuals))
-    exact, own = np.full(sensor.layout.taxels, EXACT), settings.leakage_individual_deviation_calibrated
+def _estimated(sensor: Sensor, leakage_estimated: bool, touch_rate: float) -> ForceEstimator:
+    """Return the estimator with a recorded calibration without error, and exact gains."""
+    common, own = (COMMON_LEAKAGE, OWN_LEAKAGE) if leakage_estimated else (EXACT, EXACT)
     calibration = replace(
-        nominal,
-        residuals=residuals,
-        gain_deviation=exact,
+        Calibration.nominal(sensor),
+        residuals=Residuals(0.0, 0.0, 1),
+        gain_deviation=np.full(sensor.layout.taxels, EXACT),
         common_gain_deviation=EXACT,
         leak_deviation=np.full(sensor.layout.taxels, own),
     )
-    priors = replace(KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated, touch_rate=touch_rate)
-    return ForceEstimator(sensor, priors, calibration)
+    return ForceEstimator(sensor, replace(KNOWN_FILM, leak_calibrated=common, touch_rate=touch_rate), calibration)
 
 
 def _observe(
-    estimated: ForceObserver | ForceEstimator,
+    estimated: ForceEstimator,
     charge: NDArray[np.float64],
     readings: NDArray[np.float32],
     touched: NDArray[np.bool_],
@@ -290,7 +267,7 @@ def _observe(
     estimated.compensate_common_mode(bool(touched.any()))
     touched |= estimated.force > threshold
     if estimated.block_due:
-        estimated.close_block(touched, touched, [touched.nonzero()[0]] if touched.any() else [])
+        estimated.close_block(touched, [touched.nonzero()[0]] if touched.any() else [])
         touched[:] = estimated.force > threshold
 
 
@@ -301,7 +278,6 @@ def _signals(
     force: NDArray[np.float64],
     flicker: float,
     drift: Drift | None,
-    lag: float | None,
     leakage: NDArray[np.float64],
 ) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
     """Yield, for each scan, the applied share of the `force` [N], the signals [N] and temperatures [degC], without end.
@@ -313,7 +289,7 @@ def _signals(
     source = FlickerNoise(seed, taxels, 64)
     offset = random.normal(0.0, 5e-3 / per_newton, taxels)
     steady = repeat((0.0, np.full(2, 25.0, np.float32)))
-    temperatures = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
+    temperatures = drift.scans(seed, start, sensor.device.thermal_time_constant) if drift else steady
     spread = drift.spread if drift else 0.0
     per_kelvin = newton_per_kelvin(sensor) * (1.0 + spread * np.random.default_rng([seed, 2]).standard_normal(taxels))
     ratio = 1.0 / RATE / leakage

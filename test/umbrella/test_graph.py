@@ -82,24 +82,16 @@ def test_the_calibration_argument_overrides_the_parameter_file(params_file: str,
         nodes(params_file, f"calibration_file:={path}", "sensor_file:=posfet_16x16")
 
 
-def test_the_estimation_arguments_override_the_parameter_file_where_they_are_given(params_file: str) -> None:
-    assert not {"estimator", "max_relative_uncertainty"} & set(nodes(params_file)["model_node"].parameters)
-    words = "estimator:=error_state", "max_relative_uncertainty:=0.1"
-    given = nodes(params_file, *words)["model_node"].parameters
-    assert (given["estimator"], given["max_relative_uncertainty"]) == ("error_state", 0.1)
+def test_the_limit_of_uncertainty_overrides_the_parameter_file_where_it_is_given(params_file: str) -> None:
+    assert "max_relative_uncertainty" not in nodes(params_file)["model_node"].parameters
+    given = nodes(params_file, "max_relative_uncertainty:=0.1")["model_node"].parameters
+    assert given["max_relative_uncertainty"] == 0.1
 
 
-@pytest.mark.parametrize(
-    ("word", "reason"),
-    [
-        ("estimator:=kalman", "estimator: must be one of observer, error_state, got 'kalman'"),
-        ("max_relative_uncertainty:=0", "max_relative_uncertainty: must be a number .*, got '0'"),
-        ("max_relative_uncertainty:=nan", "max_relative_uncertainty: must be a number .*, got 'nan'"),
-    ],
-)
-def test_an_invalid_estimation_argument_is_rejected(params_file: str, word: str, reason: str) -> None:
-    with pytest.raises(ConfigError, match=reason):
-        nodes(params_file, word)
+@pytest.mark.parametrize("value", ["0", "nan"])
+def test_a_meaningless_limit_of_uncertainty_is_rejected(params_file: str, value: str) -> None:
+    with pytest.raises(ConfigError, match=f"max_relative_uncertainty: must be a number .*, got '{value}'"):
+        nodes(params_file, f"max_relative_uncertainty:={value}")
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_contacts_follow_the_parameters_and_the_calibration(tmp_path: Path, caps
     [
         (["none.mcap"], "none.mcap: no such file"),
         ([str(STORED), "scene:=idle"], "scene:=idle: with --out an argument must be name:=value of namespace, sensor_"),
-        ([str(STORED), "estimator:=best"], "estimator: must be one of"),
+        ([str(STORED), "max_relative_uncertainty:=best"], "max_relative_uncertainty: must be a number"),
         ([str(STORED), "sensor_file:=posfet_16x16"], "give the sensor file that they were recorded with"),
         ([str(STORED), "calibration_file:=none.yaml"], "none.yaml"),
         ([str(STORED), "replay_topic:=x"], "has no scans on /x, but on /tactile/raw"),

@@ -21,7 +21,6 @@ from posfet_model.parameters import (
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
     CAN_FD,
-    ESTIMATOR,
     FRAME_ID,
     MAX_RELATIVE,
     MOUNT_POSE,
@@ -58,7 +57,7 @@ def _optional(parameter: Parameter) -> Parameter:
     )
 
 
-_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, ESTIMATOR, MAX_RELATIVE, PARENT_FRAME, AUTOSTART)
+_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, MAX_RELATIVE, PARENT_FRAME, AUTOSTART)
 """Parameters whose arguments are texts, since they may be left to the parameter file."""
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
@@ -80,7 +79,6 @@ ARGUMENTS: Final = (
     SERIAL,
     _optional(CALIBRATION_FILE),
     _optional(CALIBRATION_FOLDER),
-    _optional(ESTIMATOR),
     _optional(MAX_RELATIVE),
     FRAME_ID,
     _optional(PARENT_FRAME),

@@ -26,8 +26,8 @@ from posfet_model.parameters import (
     AUTOSTART,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
-    ESTIMATION,
     FRAME_ID,
+    MAX_RELATIVE,
     MODEL_NODE,
     MOUNT,
     MOUNT_POSE,
@@ -229,7 +229,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     model: dict[str, Scalar] = {"simulated": simulated, **_mount(arguments), **_calibration(arguments, sensor)}
     if model.get("parent_frame") == frame[FRAME_ID.name]:
         raise ConfigError(f"parent_frame: must not be the frame of the array itself, got '{model['parent_frame']}'")
-    model |= given_parameters(arguments, CALIBRATION_FOLDER, *ESTIMATION)
+    model |= given_parameters(arguments, CALIBRATION_FOLDER, MAX_RELATIVE)
     nodes = [node("posfet_model", "model_node", model)]
     if source in SIMULATED:
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)

@@ -19,12 +19,10 @@ from typing import Any, Final
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import BAD_INPUT, checked_namespace, positive
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import Estimator
 from posfet_model.parameters import (
     CALIBRATION_FILE,
-    ESTIMATION,
-    ESTIMATOR,
     FRAME_ID,
+    MAX_RELATIVE,
     SENSOR_FILE,
     SERIAL,
     TUNING,
@@ -48,7 +46,7 @@ CONTACTS: Final = "posfet_msgs/TactileContacts"
 IMAGE: Final = "posfet_msgs/TactileImage"
 TRUTH: Final = "posfet_msgs/TactileTruth"
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of the topics in the file")
-TO_FILE: Final = (NAMESPACE, SENSOR_FILE, SERIAL, CALIBRATION_FILE, FRAME_ID, *ESTIMATION, *TUNING, REPLAY_TOPIC)
+TO_FILE: Final = (NAMESPACE, SENSOR_FILE, SERIAL, CALIBRATION_FILE, FRAME_ID, MAX_RELATIVE, *TUNING, REPLAY_TOPIC)
 """Arguments of a replay into a file."""
 
 
@@ -132,7 +130,7 @@ def to_file(recording: Path, out: Path, values: dict[str, Any]) -> str:
     path = values[CALIBRATION_FILE.name]
     calibration = load_calibration(path, sensor) if path else None
     settings = reconstruction_settings(sensor, values)
-    model = Reconstructor(sensor, calibration, Estimator(values[ESTIMATOR.name]), settings)
+    model = Reconstructor(sensor, calibration, settings)
     namespace = checked_namespace(values["namespace"])
     frame_id = values["frame_id"] or default_frame(namespace)
     source = RecordedScans(recording, sensor, values[REPLAY_TOPIC.name])

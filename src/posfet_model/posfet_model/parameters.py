@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from posfet_model._lib.validation import interval
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, MAX_RELATIVE_UNCERTAINTY, Estimator
+from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 
 Scalar: TypeAlias = "bool | int | float | str"
@@ -226,25 +226,14 @@ CALIBRATION_FOLDER: Final = Parameter(
     "Folder in which the services calibration/load and calibration/save find and put their files, and nowhere else",
     fixed="it bounds what services may read and write",
 )
-ESTIMATOR: Final = Parameter(
-    "estimator",
-    DEFAULT_ESTIMATOR.value,
-    "Estimator of the forces: error_state (one filter of all errors, docs/estimation.md), observer (the first one: one "
-    "filter for each cause of an error)",
-    choices=tuple(each.value for each in Estimator),
-    fixed="the state of one estimator is not that of another",
-)
 MAX_RELATIVE: Final = Parameter(
     "max_relative_uncertainty",
     MAX_RELATIVE_UNCERTAINTY,
-    "Standard deviation of the total force over that force above which data is not valid; only with estimator "
-    "error_state",
+    "Standard deviation of the total force over that force above which data is not valid",
     low=1e-3,
     high=10.0,
     read_only=False,
 )
-ESTIMATION: Final = (ESTIMATOR, MAX_RELATIVE)
-"""The parameters that decide how forces are estimated."""
 CONTACT_THRESHOLD: Final = Parameter(
     "contact_threshold",
     0.0,
@@ -286,7 +275,7 @@ MODEL_NODE: Final = (
     *MOUNT,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
-    *ESTIMATION,
+    MAX_RELATIVE,
     *TUNING,
     SIMULATED,
     Parameter(

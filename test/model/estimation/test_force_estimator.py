@@ -74,7 +74,7 @@ class Watch:
         self._touched |= estimator.force > self._limit
         if estimator.block_due:
             touched = self._touched & estimator.offset_known
-            estimator.close_block(touched, touched, [np.flatnonzero(touched)] if touched.any() else [])
+            estimator.close_block(touched, [np.flatnonzero(touched)] if touched.any() else [])
             self._limit = np.maximum(THRESHOLD, 2.5 * np.sqrt(estimator.variance(np.empty(TAXELS))))
             self._touched = estimator.force > self._limit
         self.valid.append(estimator.valid)
@@ -99,13 +99,13 @@ def with_device(**changes: float) -> Sensor:
     return replace(SENSOR, device=replace(SENSOR.device, **changes))
 
 
-def test_two_newton_held_for_10_s_stay_within_the_uncertainty_and_2_percent() -> None:
+def test_two_newton_held_for_20_s_stay_within_the_uncertainty_and_1_percent() -> None:
     watch = Watch()
-    forces = history(watch, SENSOR, 11.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
+    forces = history(watch, SENSOR, 21.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
     totals = forces[1100:].sum(axis=1)
-    assert np.abs(totals - 2.0).max() < 0.04
+    assert np.abs(totals - 2.0).max() < 0.02
     assert abs(totals[-1] - 2.0) < 2.0 * watch.total_deviation()
-    # The signal itself has decayed by e^-37.
+    # The signal itself has decayed by e^-74.
     assert watch.total_deviation() > 3.0 * force_noise_rms(SENSOR)
     assert all(watch.valid[300:])
 
@@ -191,6 +191,51 @@ def test_a_load_held_from_the_start_ends_with_a_correct_baseline() -> None:
     forces = history(watch, SENSOR, 4.0, force=press(2.0, -1.0, 1.0), shape=PATCH)
     assert watch.estimator.valid
     assert np.abs(forces[3900:]).max() < 5e-3
+
+
+def test_a_varying_load_at_the_start_does_not_corrupt_later_forces() -> None:
+    def wild(time: float) -> float:
+        return 1.0 + 0.5 * math.sin(9.0 * time) if time < 2.0 else press(2.0, 4.0, 5.0)(time)
+
+    watch = Watch()
+    forces = history(watch, SENSOR, 6.0, force=wild, shape=PATCH)
+    assert not any(watch.valid[:2000])
+    assert all(watch.valid[3300:])
+    np.testing.assert_allclose(forces[4100:5000].sum(axis=1), 2.0, rtol=0, atol=0.02)
+    assert np.abs(forces[-1]).max() < 5e-3
+
+
+@pytest.mark.parametrize("gap", [2, 50, 300])
+def test_a_held_force_is_tracked_across_missing_scans(gap: int) -> None:
+    watch = Watch()
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.0, 60.0), shape=PATCH):
+        if not 1.5 <= time < 1.5 + gap * 1e-3:
+            watch.process(time, scan)
+    assert watch.estimator.force.sum() == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_release_within_a_gap_is_detected_and_adds_uncertainty() -> None:
+    watch, after = Watch(), []
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.0, 1.52), shape=PATCH):
+        if not 1.5 <= time < 1.7:
+            force = watch.process(time, scan)
+            if 1.7 <= time < 1.701:
+                after.append((float(force.sum()), watch.total_deviation()))
+    [(left, deviation)] = after
+    assert abs(left) < 3.0 * deviation
+    assert deviation > 0.1
+    assert np.abs(watch.estimator.force).max() < 5e-3
+
+
+def test_a_touch_that_began_within_a_gap_keeps_its_uncertainty() -> None:
+    watch, errors = Watch(), []
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.02, 60.0), shape=PATCH):
+        if not 1.0 <= time < 1.2:
+            force = watch.process(time, scan)
+            if time >= 1.2:
+                errors.append((abs(float(force.sum()) - 2.0), watch.total_deviation()))
+    assert all(error < 3.0 * deviation for error, deviation in errors)
+    assert max(error for error, _ in errors) > 0.1, "the gap caused no error, so nothing is tested"
 
 
 @pytest.mark.parametrize("rate", [-0.1, 0.0, 0.1])
@@ -370,9 +415,10 @@ def test_the_temperature_sensors_are_not_needed_for_a_steady_chip() -> None:
     assert np.abs(rows[-1]).max() < 5e-3
 
 
-def test_an_untouched_array_has_no_restarts() -> None:
+def test_an_untouched_array_reads_zero_for_a_minute_without_restarts() -> None:
     watch = Watch()
-    history(watch, SENSOR, 3.0, force=nothing)
+    forces = history(watch, SENSOR, 60.0, force=nothing, rate=100.0)
+    assert np.abs(forces[100:]).max() < 10.0 * force_noise_rms(SENSOR)
     assert watch.estimator.restarts == 0
 
 

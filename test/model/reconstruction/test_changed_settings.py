@@ -17,9 +17,7 @@ import numpy as np
 import pytest
 
 from posfet_model.contacts.tracker import ContactState
-from posfet_model.estimation.choice import Estimator
 from posfet_model.estimation.error_states import ErrorPriors
-from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import ContactThresholds, load_sensor
@@ -115,17 +113,16 @@ def test_fault_detection_is_switched() -> None:
 
 
 def test_the_limit_of_uncertainty_reaches_the_estimator() -> None:
-    model = Reconstructor(SENSOR, estimator=Estimator.ERROR_STATE)
+    model = Reconstructor(SENSOR)
     model.change(replace(SETTINGS, max_relative_uncertainty=0.25))
-    assert model._observer.max_relative_uncertainty == 0.25
+    assert model._estimator.max_relative_uncertainty == 0.25
 
 
-@pytest.mark.parametrize("other", [{"observer": ObserverSettings()}, {"priors": ErrorPriors()}])
-def test_settings_of_the_estimator_itself_are_refused_and_nothing_changes(other: dict[str, object]) -> None:
-    refused = replace(HIGH, hum_removal=False, **other)
+def test_other_priors_are_refused_and_nothing_changes() -> None:
+    refused = replace(HIGH, hum_removal=False, priors=ErrorPriors())
 
     def change(model: Reconstructor) -> None:
-        with pytest.raises(ValueError, match="observer and priors must be as before"):
+        with pytest.raises(ValueError, match="priors must be as before"):
             model.change(refused)
 
     _, expected, _ = run(lambda _: None)

@@ -12,9 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.device.error_model import ErrorModel
@@ -32,9 +30,8 @@ NOISE_ALONE = replace(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("estimator", [Estimator.ERROR_STATE])
-def test_forces_stay_valid_while_all_taxels_switch_between_the_same_two_codes(estimator: Estimator) -> None:
-    model, valid, codes = Reconstructor(SENSOR, estimator=estimator), [], set()
+def test_forces_stay_valid_while_all_taxels_switch_between_the_same_two_codes() -> None:
+    model, valid, codes = Reconstructor(SENSOR), [], set()
     for scan, _ in received_scans(SENSOR, load_scene("idle", SENSOR), SECONDS, 3, NOISE_ALONE):
         valid.append(model.process(scan).valid)
         codes |= set(np.unique(scan.counts).tolist())

@@ -13,9 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from posfet_model.estimation.choice import Estimator
 from posfet_model.estimation.error_states import ErrorPriors
-from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import load_sensor
@@ -28,13 +26,8 @@ SENSOR = load_sensor()
 PRESS = load_scene("press", SENSOR)
 
 
-def played(
-    settings: ReconstructionSettings | None,
-    board: ErrorModel,
-    seconds: float = 1.0,
-    estimator: Estimator = Estimator.OBSERVER,
-) -> Reconstructor:
-    model = Reconstructor(SENSOR, None, estimator, settings)
+def played(settings: ReconstructionSettings | None, board: ErrorModel, seconds: float = 1.0) -> Reconstructor:
+    model = Reconstructor(SENSOR, settings=settings)
     for scan, _ in received_scans(SENSOR, PRESS, seconds, 1, board):
         model.process(scan)
     return model
@@ -74,20 +67,10 @@ def test_without_fault_detection_the_noise_of_a_loud_taxel_is_still_measured() -
     assert without.unsettled == 0
 
 
-def test_without_roll_back_the_baseline_keeps_what_it_absorbed_of_a_touch() -> None:
-    board = ErrorModel.none()
-    with_it, without = (
-        played(ReconstructionSettings(ObserverSettings(roll_back=on)), board, 0.9).image().total for on in (True, False)
-    )
-    assert without < with_it < 1.5
-
-
-def test_the_priors_reach_the_estimator_of_all_errors() -> None:
+def test_the_priors_reach_the_estimator() -> None:
     board = ErrorModel.none()
     narrow, wide = (
-        played(ReconstructionSettings(priors=ErrorPriors(warmth=warmth)), board, 0.9, Estimator.ERROR_STATE)
-        .image()
-        .total_standard_deviation
+        played(ReconstructionSettings(priors=ErrorPriors(warmth=warmth)), board, 0.9).image().total_standard_deviation
         for warmth in (0.0, 0.1)
     )
     assert wide > narrow + 0.05

@@ -19,7 +19,6 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import ForceImage, Reconstruction, Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
@@ -74,20 +73,19 @@ def calibration() -> Calibration:
 
 
 @pytest.mark.parametrize(
-    ("estimator", "force", "rise"),
+    ("force", "rise"),
     [
-        *((Estimator.OBSERVER, *touch) for touch in ((PAD, 0.1), (RING, 0.1), (CROSS, 0.1), (CROSS, 0.3))),
-        *((Estimator.ERROR_STATE, PAD, rise) for rise in (0.1, 0.3)),
+        *((PAD, rise) for rise in (0.1, 0.3)),
         *(
-            pytest.param(Estimator.ERROR_STATE, *touch, marks=pytest.mark.xfail(strict=True, reason=INSEPARABLE))
+            pytest.param(*touch, marks=pytest.mark.xfail(strict=True, reason=INSEPARABLE))
             for touch in ((RING, 0.1), (CROSS, 0.1), (CROSS, 0.3))
         ),
     ],
 )
 def test_a_broad_touch_of_2_newton_has_an_error_of_1_percent(
-    estimator: Estimator, force: NDArray[np.float64], rise: float, calibration: Calibration
+    force: NDArray[np.float64], rise: float, calibration: Calibration
 ) -> None:
-    last = held(2.0, rise, force, calibration=calibration, estimator=estimator)
+    last = held(2.0, rise, force, calibration=calibration)
     assert max(abs(image.total - 2.0) for _, image in last) < 0.02
 
 
@@ -138,7 +136,7 @@ def test_a_chip_that_bends_around_the_place_that_is_pressed_is_followed() -> Non
     board = replace(ErrorModel.none(), film=replace(FilmEffects.ideal(), bending=8e-3, bending_gradient=0.5))
     finger = SceneObject("fingertip", Sphere(4e-3, 2e6), ACROSS)
     scene = Scene("across", "a fingertip slides", math.inf, (finger,), Keyframes((0.0,), ((25.0,),)))
-    reconstructor, errors = Reconstructor(SENSOR, estimator=Estimator.ERROR_STATE), []
+    reconstructor, errors = Reconstructor(SENSOR), []
     for scan, truth in received_scans(SENSOR, scene, 2.0, 1, board):
         reconstructor.process(scan)
         if truth.time > 1.0 and scan.sequence % 10 == 0:

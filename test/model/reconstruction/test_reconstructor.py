@@ -22,7 +22,6 @@ import pytest
 
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.tracker import Contact, ContactState
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, TaxelStatus
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -133,12 +132,11 @@ def test_a_light_step_is_detected_within_two_scans() -> None:
         ({"piezoelectric_coefficient": -38e-12 * 1.1}, 1.1),
     ],
 )
-@pytest.mark.parametrize("estimator", list(Estimator))
 def test_a_device_that_differs_from_its_description_still_gives_one_contact_at_its_position(
-    device: dict[str, float], scale: float, estimator: Estimator
+    device: dict[str, float], scale: float
 ) -> None:
     other = replace(SENSOR, device=replace(SENSOR.device, **device))
-    reconstructor = Reconstructor(SENSOR, estimator=estimator)
+    reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 5.0, device=other, force=press(1.5, 0.5, 2.5), shape=FINGER)
     [contact] = at(results, 2.4).contacts
     assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leakage is identified
@@ -328,29 +326,27 @@ objects:
 """
 
 
+UNCALIBRATED = "without a calibration the warmth of a touch may be much of its force, which is not valid"
 SPLITS = "what the warmth leaves on single taxels splits the contact in the last 10 ms of its release"
 
 
 @pytest.mark.parametrize(
-    ("board", "error", "estimator", "until"),
+    ("board", "error", "until"),
     [
-        ("ideal", 0.05, Estimator.OBSERVER, 10.0),
-        ("calibrated", 0.2, Estimator.OBSERVER, 10.0),
-        ("calibrated", 0.2, Estimator.ERROR_STATE, 9.25),
-        pytest.param(
-            *("calibrated", 0.2, Estimator.ERROR_STATE, 10.0), marks=pytest.mark.xfail(strict=True, reason=SPLITS)
-        ),
+        pytest.param("ideal", 0.05, 10.0, marks=pytest.mark.xfail(strict=True, reason=UNCALIBRATED)),
+        ("calibrated", 0.2, 9.25),
+        pytest.param("calibrated", 0.2, 10.0, marks=pytest.mark.xfail(strict=True, reason=SPLITS)),
     ],
 )
 def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(
-    board: str, error: float, estimator: Estimator, until: float, tmp_path: Path
+    board: str, error: float, until: float, tmp_path: Path
 ) -> None:
     """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N."""
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
     imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
     calibration = None if imperfections is None else calibrate(SENSOR, 3, imperfections)
-    reconstructor, ids = Reconstructor(SENSOR, calibration, estimator), set()
+    reconstructor, ids = Reconstructor(SENSOR, calibration), set()
     for scan, truth in received_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
         result = reconstructor.process(scan)
         if truth.time < until:
@@ -542,7 +538,7 @@ def test_idle_scans_retain_no_memory() -> None:
 @pytest.mark.parametrize(("limit", "valid"), [(1e-3, False), (1.0, True)])
 def test_forces_are_valid_up_to_the_relative_uncertainty_that_is_asked_for(limit: float, valid: bool) -> None:
     settings = ReconstructionSettings(max_relative_uncertainty=limit)
-    reconstructor = Reconstructor(SENSOR, estimator=Estimator.ERROR_STATE, settings=settings)
+    reconstructor = Reconstructor(SENSOR, settings=settings)
     results = run(reconstructor, 2.0, force=press(1.0, 1.0, 60.0), shape=FINGER)
     assert at(results, 0.9).valid
     assert at(results, 1.8).valid is valid

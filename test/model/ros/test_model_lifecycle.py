@@ -165,14 +165,14 @@ def test_thresholds_that_do_not_fit_change_nothing(bench: Bench) -> None:
 
 
 def test_hum_removal_and_the_limit_of_uncertainty_change_while_running(bench: Bench) -> None:
-    node = bench.model(estimator="error_state")
+    node = bench.model()
     node.start()
     assert bench.play(node, 600, 0.0) == 0
     assert node.latest().valid
     assert node._reconstructor._hum._rows
     assert change(node, hum_removal=False, max_relative_uncertainty=0.5) == (True, "")
     assert not node._reconstructor._hum._rows
-    assert node._reconstructor._observer.max_relative_uncertainty == 0.5
+    assert node._reconstructor._estimator.max_relative_uncertainty == 0.5
     bench.play(node, 10)
     assert node.latest().valid
 
@@ -191,7 +191,6 @@ def test_settings_outlive_another_calibration(bench: Bench, tmp_path: Any) -> No
     ("name", "value", "why"),
     [
         ("sensor_file", "posfet_16x16", "buffers and messages have the size of its array"),
-        ("estimator", "error_state", "the state of one estimator is not that of another"),
         ("calibration_file", "a.yaml", "the service calibration/load changes the calibration"),
         ("direct", False, "it is used at start-up only"),
     ],

@@ -490,33 +490,24 @@ def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tm
         assert answer.message.count(reason) == 1
 
 
-def test_the_estimator_is_that_of_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
+def test_the_limit_of_uncertainty_is_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
     model = bench.model(max_relative_uncertainty=1e-3, calibration_folder=str(tmp_path))
     for _ in range(2):
-        # No force is as certain as that; the estimator observer has no such limit.
+        # No force is as certain as that.
         process(model, recorded_scans()[: PRESS_UNTIL - 10])
         assert model.latest().total == pytest.approx(FORCE, abs=0.1)
         assert not model.latest().valid
         assert call(bench, CalibrationFile, "calibration/save", path="cal.yaml").success
         assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
-    certain = bench.model(estimator="observer", max_relative_uncertainty=1e-3)
+    certain = bench.model(max_relative_uncertainty=1.0)
     process(certain, recorded_scans()[: PRESS_UNTIL - 10])
     assert certain.latest().valid
 
 
-@pytest.mark.parametrize(
-    ("parameters", "reason"),
-    [
-        ({"estimator": "kalman"}, "must be one of observer, error_state"),
-        ({"max_relative_uncertainty": 0.0}, "must be a number"),
-        ({"max_relative_uncertainty": float("nan")}, "must be a number"),
-    ],
-)
-def test_an_unknown_estimator_or_meaningless_limit_is_rejected(
-    bench: Bench, parameters: dict[str, Any], reason: str
-) -> None:
-    with pytest.raises(ConfigError, match=reason):
-        bench.model(**parameters)
+@pytest.mark.parametrize("limit", [0.0, float("nan")])
+def test_a_meaningless_limit_of_uncertainty_is_rejected(bench: Bench, limit: float) -> None:
+    with pytest.raises(ConfigError, match="must be a number"):
+        bench.model(max_relative_uncertainty=limit)
 
 
 ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(

@@ -279,18 +279,6 @@ def test_the_json_output_has_exactly_these_keys(capsys: pytest.CaptureFixture[st
     assert list(json.loads(capsys.readouterr().out)) == NAMES
 
 
-def test_the_estimator_of_the_command_line_is_scored(capsys: pytest.CaptureFixture[str]) -> None:
-    found = []
-    for more in ([], ["--estimator", "observer"], ["--estimator", "error_state"]):
-        words = ["--for", "1", "--calibration", "none", "--imperfections", "none", *more]
-        assert main(["press_slide_lift", *words]) == 0
-        score = json.loads(capsys.readouterr().out)
-        found.append(score["force_rmse_pct"])
-    assert found[0] == found[2] != found[1]
-    with pytest.raises(SystemExit):
-        main(["press_slide_lift", "--estimator", "kalman"])
-
-
 def test_a_board_is_calibrated_before_scoring_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     errors = []
     for more in ([], ["--calibration", "none"]):

@@ -167,7 +167,6 @@ def test_a_closed_session_says_so() -> None:
         (lambda: posfet.simulate(duration=0), r"^duration must be in \(0, inf\), got 0$"),
         (lambda: posfet.simulate(duration=float("nan")), "^duration must be .* got nan$"),
         (lambda: posfet.simulate(seed=-1), "^seed must be"),
-        (lambda: posfet.simulate(estimator="kalman"), "^estimator must be one of observer, error_state, got 'kalman'$"),
         (lambda: posfet.simulate(imperfections="none.yaml"), "^none.yaml: cannot be read: No such file"),
         (lambda: posfet.simulate(calibration="none.yaml"), "^none.yaml: cannot be read: No such file"),
         (lambda: posfet.open("can0"), "^address must be interface:channel, such as slcan:/dev/ttyACM0"),

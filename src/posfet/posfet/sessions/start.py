@@ -20,7 +20,6 @@ from posfet_model._lib.validation import real_number
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor, with_serial
@@ -45,7 +44,6 @@ def simulate(
     seed: int = 0,
     imperfections: FileName | ErrorModel = DEFAULT,
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
 ) -> Session:
     """Simulate a board on which a scene plays, faster than real time; the same seed gives the same scans.
@@ -64,8 +62,6 @@ def simulate(
         Sensor error model: none, default, moderate, hard, YAML file, or error model.
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "error_state"
-        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
 
@@ -95,7 +91,7 @@ def simulate(
     length = loaded.duration or STATIC_DURATION if duration is None else duration
     length = length if length == float("inf") else real_number("duration", length, 0.0, exclusive=True)
     board = SimulatedBoard(described, SceneLoads(loaded, described), seed, _error_model(imperfections))
-    return _session(SimulatedFeed(board, length, seed), calibration, estimator, settings)
+    return _session(SimulatedFeed(board, length, seed), calibration, settings)
 
 
 def open_board(
@@ -108,7 +104,6 @@ def open_board(
     options: Mapping[str, object] | None = None,
     timeout: float = TIMEOUT,
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
     seed: int = 0,
     imperfections: FileName | ErrorModel = DEFAULT,
@@ -135,8 +130,6 @@ def open_board(
         Longest time without a scan [s].
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "error_state"
-        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
     seed : int, default 0
@@ -168,7 +161,7 @@ def open_board(
         feed = emulated_feed(described, channel, seed, _error_model(imperfections), seconds)
     else:
         feed = BoardFeed(described, bus_of(address, described, bitrate, data_bitrate, options or {}), seconds)
-    session = _session(feed, calibrated, estimator, settings)
+    session = _session(feed, calibrated, settings)
     feed.open()
     return session
 
@@ -180,7 +173,6 @@ def replay(
     serial: str = "",
     topic: str = "",
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
 ) -> Session:
     """Run the raw scans of a recording through the model again, as fast as possible; needs the package mcap.
@@ -197,8 +189,6 @@ def replay(
         Topic of the scans, such as /hand/thumb/raw; '': the only one.
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "error_state"
-        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
 
@@ -214,7 +204,7 @@ def replay(
     """
     described = with_serial(_sensor(sensor), serial)
     recorded = RecordedScans(Path(path), described, topic)
-    return _session(RecordedFeed(recorded, described), calibration, estimator, settings)
+    return _session(RecordedFeed(recorded, described), calibration, settings)
 
 
 def load(path: FileName, topics: Sequence[str] = ()) -> dict[str, Any]:
@@ -244,16 +234,9 @@ def load(path: FileName, topics: Sequence[str] = ()) -> dict[str, Any]:
 def _session(
     feed: Feed,
     calibration: FileName | Calibration | None,
-    estimator: str | Estimator,
     settings: ReconstructionSettings | None,
 ) -> Session:
-    calibrated = _calibration(calibration, feed.sensor)
-    try:
-        chosen = Estimator(estimator)
-    except ValueError:
-        known = ", ".join(each.value for each in Estimator)
-        raise ValueError(f"estimator must be one of {known}, got {estimator!r}") from None
-    return Session(feed, Reconstructor(feed.sensor, calibrated, chosen, settings))
+    return Session(feed, Reconstructor(feed.sensor, _calibration(calibration, feed.sensor), settings))
 
 
 def _sensor(sensor: FileName | Sensor) -> Sensor:

@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import any_true, median, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.estimation.contact_surroundings import ContactSurroundings
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
 from posfet_model.estimation.force_error_filter import OWN, Belief, ForceErrorFilter, start_belief
@@ -48,7 +47,14 @@ from posfet_model.estimation.known_forces import (
 )
 from posfet_model.estimation.leakage_inverse import LeakageInverse
 from posfet_model.estimation.rest_detector import RestDetector
-from posfet_model.estimation.settings import LONG_STEP, OFFSET_SPREAD, REJECTED, RESTART_DEVIATION, RUNAWAY
+from posfet_model.estimation.settings import (
+    LONG_STEP,
+    MAX_RELATIVE_UNCERTAINTY,
+    OFFSET_SPREAD,
+    REJECTED,
+    RESTART_DEVIATION,
+    RUNAWAY,
+)
 from posfet_model.estimation.steady_force import HOP, steady_force
 from posfet_model.estimation.temperature_walk import TemperatureWalk
 from posfet_model.estimation.thermometers import Thermometers
@@ -291,11 +297,6 @@ class ForceEstimator:
         return self._filter.belief
 
     @property
-    def common_variance(self) -> float:
-        """Variance common to all taxels [N2]: 0, as `correlated_error` includes it."""
-        return 0.0
-
-    @property
     def correlated_error(self) -> Array:
         """Factor E of the covariance E E' that the forces share [N], shape [rows * cols, causes]."""
         return self._factor
@@ -356,7 +357,7 @@ class ForceEstimator:
             self._start(charge)
             return
         change = self._change
-        coefficients = self._inverse.advance(charge, self._nothing, step, change)
+        coefficients = self._inverse.advance(charge, step, change)
         self._raw += change
         self._raw_sum += self._raw
         np.multiply(self._rate, step, out=self._work)
@@ -451,7 +452,7 @@ class ForceEstimator:
         self._start_block()
         return change
 
-    def close_block(self, touched: Mask, near: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
+    def close_block(self, touched: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
         """Process the block that is due.
 
         Parameters
@@ -459,8 +460,6 @@ class ForceEstimator:
         touched : ndarray of bool, shape [rows * cols]
             Taxels in contact at any time of the block. Has no effect where the offset is unknown: there a constant
             force is as informative as no force.
-        near : ndarray of bool, shape [rows * cols]
-            Taxels in or near a contact; not used.
         contacts : sequence of ndarray of int
             Taxels of each contact.
         """

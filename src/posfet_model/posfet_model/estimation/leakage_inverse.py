@@ -22,7 +22,7 @@ class LeakageCoefficients:
     """Coefficients of one time step h for each taxel, shapes [taxels]; read-only."""
 
     ratio: Array
-    """h/tau, the factor of the offset [1]."""
+    """h/tau [1]."""
     now: Array
     """Factor of the charge density at the end of the step [N m2/C]."""
     before: Array
@@ -32,7 +32,7 @@ class LeakageCoefficients:
 class LeakageInverse:
     """Inverse of the first-order high-pass that charge leakage makes of the force, one time constant per taxel.
 
-    With signals s = k*sigma, a step h changes the force by ``(s1 - s0)/mean + h/tau*(s0 - offset)``, where mean is
+    With signals s = k*sigma, a step h changes the force by ``(s1 - s0)/mean + h/tau*s0``, where mean is
     (1 - exp(-h/tau))/(h/tau), as in `charge.invert_first_order_hold`.
 
     State variables: the charge densities of the last scan [C/m2]. The coefficients of recent steps are cached.
@@ -40,7 +40,7 @@ class LeakageInverse:
     Parameters
     ----------
     time_constant : ndarray of float64, shape [taxels]
-        Leakage time constants tau [s], > 0; not copied.
+        Leakage time constants tau [s], > 0.
     newton_per_charge : ndarray of float64, shape [taxels]
         k, force per charge density [N m2/C].
     """
@@ -52,8 +52,7 @@ class LeakageInverse:
         self._time_constant = time_constant
         self._newton_per_charge = newton_per_charge
         self._cache: dict[float, LeakageCoefficients] = {}
-        self._charge, self._offset_leakage = np.zeros((2, len(time_constant)))
-        self._used: LeakageCoefficients | None = None  # coefficients that `_offset_leakage` was computed with
+        self._charge = np.zeros(len(time_constant))
 
     @property
     def signal(self) -> Array:
@@ -65,7 +64,7 @@ class LeakageInverse:
         """Set the charge densities [C/m2] of a first scan, which has no predecessor."""
         self._charge[...] = charge
 
-    def advance(self, charge: Array, offset: Array, step: float, out: Array) -> LeakageCoefficients:
+    def advance(self, charge: Array, step: float, out: Array) -> LeakageCoefficients:
         """Process the charge densities [C/m2] a step [s] later; return the coefficients of the step.
 
         The force increments [N] are written into `out`.
@@ -74,32 +73,18 @@ class LeakageInverse:
         ----------
         charge : ndarray of float64, shape [taxels]
             Charge densities [C/m2].
-        offset : ndarray of float64, shape [taxels]
-            Offsets [N].
         step : float
             Time since the last scan [s].
         out : ndarray of float64, shape [taxels]
             Force increments [N], overwritten.
         """
         coefficients = self._cache.get(step) or self._compute(step)
-        if coefficients is not self._used:
-            np.multiply(offset, coefficients.ratio, out=self._offset_leakage)
-            self._used = coefficients
         last = self._charge
         np.multiply(charge, coefficients.now, out=out)
         last *= coefficients.before
         out += last
-        out -= self._offset_leakage
         last[...] = charge
         return coefficients
-
-    def invalidate_offset(self) -> None:
-        """Discard what was computed from the offset, which was changed in place."""
-        self._used = None
-
-    def invalidate_time_constants(self) -> None:
-        """Discard what was computed from the time constants, which were changed in place."""
-        self._cache.clear()
 
     def _compute(self, step: float) -> LeakageCoefficients:
         if len(self._cache) >= self.CACHE_SIZE:

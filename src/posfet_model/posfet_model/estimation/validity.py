@@ -18,7 +18,7 @@ from posfet_model._lib.types import Array, Mask
 class NegativeForceMonitor:
     """Finds baseline errors: forces that stay negative and steady.
 
-    State variables: time below zero and time below zero while steady, both [s], shapes [taxels].
+    State variables: time below zero while steady [s], shape [taxels].
 
     Parameters
     ----------
@@ -29,8 +29,6 @@ class NegativeForceMonitor:
     """
 
     def __init__(self, taxels: int, steady_time: float) -> None:
-        self.duration = np.zeros(taxels)
-        """Time for which each taxel has been negative [s]."""
         self._steady = np.zeros(taxels)
         self._steady_time = steady_time
         self._any = False
@@ -60,7 +58,6 @@ class NegativeForceMonitor:
         if not (self._any or any_true(below)):
             return below
         self._any = any_true(below)
-        self.duration = np.where(below, self.duration + duration, 0.0)
         self._steady = np.where(below & still, self._steady + duration, 0.0)
         confirmed: Mask = self._steady >= self._steady_time
         self._steady[confirmed] = 0.0
@@ -68,7 +65,7 @@ class NegativeForceMonitor:
 
     def reset(self, where: Mask | slice) -> None:
         """Reset the masked taxels."""
-        self.duration[where] = self._steady[where] = 0.0
+        self._steady[where] = 0.0
 
 
 class LowerBoundMonitor:

@@ -22,9 +22,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.estimation.force_estimator import ForceEstimator
-from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.reconstruction.bursts import BurstDetector
 from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
@@ -110,8 +108,6 @@ class Reconstructor:
         Description of the sensor.
     calibration : Calibration, optional
         Properties of each taxel; None: nominal ones from the description.
-    estimator : Estimator, optional
-        How forces are estimated.
     settings : ReconstructionSettings, optional
         Settings; None: the defaults.
     """
@@ -120,7 +116,6 @@ class Reconstructor:
         self,
         sensor: Sensor,
         calibration: Calibration | None = None,
-        estimator: Estimator = DEFAULT_ESTIMATOR,
         settings: ReconstructionSettings | None = None,
     ) -> None:
         taxels = sensor.layout.taxels
@@ -130,7 +125,7 @@ class Reconstructor:
         self._clock = ScanClock(sensor)
         self._inverse = InverseSignalChain(sensor)
         self._crosstalk = CrosstalkCompensator(sensor.layout, self.calibration.crosstalk)
-        self._observer = _force_estimator(estimator, sensor, self.calibration, settings)
+        self._estimator = ForceEstimator(sensor, settings.priors, self.calibration, settings.max_relative_uncertainty)
         noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._sensor, self._noise, self._settings = sensor, noise, settings
@@ -143,7 +138,7 @@ class Reconstructor:
         self._tracker = ContactTracker(sensor)
         self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
         self._detects_faults = settings.fault_detection
-        self._observer.ignore(self._faults.faulty)
+        self._estimator.ignore(self._faults.faulty)
         self._bursts = BurstDetector(sensor)
         self._least = INFORMATIVE * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
@@ -175,12 +170,12 @@ class Reconstructor:
     @property
     def restarts(self) -> int:
         """Number of taxel restarts, each with an unknown offset, since the start."""
-        return self._observer.restarts
+        return self._estimator.restarts
 
     @property
     def unsettled(self) -> int:
         """Number of taxels whose offset is unknown."""
-        return int(np.count_nonzero(~self._observer.offset_known))
+        return int(np.count_nonzero(~self._estimator.offset_known))
 
     @property
     def faulty(self) -> int:
@@ -190,7 +185,7 @@ class Reconstructor:
     @property
     def temperature_known(self) -> bool:
         """Whether a temperature sensor reports."""
-        return self._observer.film.known
+        return self._estimator.film.known
 
     @property
     def rate(self) -> float:
@@ -210,7 +205,7 @@ class Reconstructor:
     @property
     def maintenance_due(self) -> bool:
         """Whether `run_maintenance` has work to do."""
-        return self._observer.block_due
+        return self._estimator.block_due
 
     def process(self, scan: Scan) -> Reconstruction:
         """Process one scan.
@@ -226,12 +221,12 @@ class Reconstructor:
             Result; overwritten by the next call.
         """
         result = self._result
-        clock, observer = self._clock, self._observer
+        clock, estimator = self._clock, self._estimator
         fits = clock.fits(scan)
         if fits and not clock.is_new(scan):
             result.accepted = result.unusable = False
             return result
-        if observer.block_due:
+        if estimator.block_due:
             self._close_block()
         result.accepted = fits and clock.is_sound(scan) and self._plausible(scan) and not self._has_burst(scan)
         result.unusable = self._blank = not result.accepted
@@ -242,41 +237,41 @@ class Reconstructor:
             self._charge -= self._offset_charge
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
         if clock.interrupted:
-            observer.interrupt()
+            estimator.interrupt()
             self._dynamic.pause()
             self._hum.interrupt()
             self._estimate = None
         if self._hum.sampling:
             self._hum.remove(charge, clock.step)
-        observer.advance(charge, scan.temperatures, clock.step)
+        estimator.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
-            observer.inflate_variance(self._saturated, clock.step)
-        observer.compensate_common_mode(not self._tracker.idle)
+            estimator.inflate_variance(self._saturated, clock.step)
+        estimator.compensate_common_mode(not self._tracker.idle)
         self._faults.add_scan(scan.counts, clock.close)
-        regions = self._find_with_faulty() if self._any_interpolated else self._finder.find(observer.force)
+        regions = self._find_with_faulty() if self._any_interpolated else self._finder.find(estimator.force)
         if regions or self.vibration_wanted:
-            self._dynamic.advance(observer.change, clock.step)
+            self._dynamic.advance(estimator.change, clock.step)
             if self.vibration_wanted:
                 self._dynamic.update_power(clock.step)
         else:
             self._dynamic.pause()
         if regions or not self._tracker.idle:
             result.contacts = self._follow(clock.step)
-            result.motions = self._dynamic.update(self._tracker, observer.force, clock.step)
+            result.motions = self._dynamic.update(self._tracker, estimator.force, clock.step)
         elif result.contacts:
             result.contacts = ()
         result.stamp = scan.stamp
         result.sequence = scan.sequence
-        result.valid = observer.valid and not clock.suspect
+        result.valid = estimator.valid and not clock.suspect
         result.reasons = InvalidReason.NONE if result.valid else self._reasons()
         return result
 
     def _reasons(self) -> InvalidReason:
         """Return why the result of an accepted scan is not valid."""
         reasons = InvalidReason.TIME_UNCERTAIN if self._clock.suspect else InvalidReason.NONE
-        if not self._observer.valid:
-            settled = bool(self._observer.offset_known.all())
+        if not self._estimator.valid:
+            settled = bool(self._estimator.offset_known.all())
             reasons |= InvalidReason.UNCERTAIN if settled else InvalidReason.BASELINE_UNKNOWN
         return reasons
 
@@ -285,7 +280,7 @@ class Reconstructor:
 
         Every 20 ms baselines are corrected and taxels tested, which takes several times as long as a scan.
         """
-        if self._observer.block_due:
+        if self._estimator.block_due:
             self._close_block()
 
     def change(self, settings: ReconstructionSettings) -> None:
@@ -301,16 +296,15 @@ class Reconstructor:
         Raises
         ------
         ValueError
-            If `observer` or `priors` are others than before.
+            If `priors` are others than before.
         """
         before, self._settings = self._settings, settings
-        if (settings.observer, settings.priors) != (before.observer, before.priors):
+        if settings.priors != before.priors:
             self._settings = before
-            raise ValueError("observer and priors must be as before: they are used when the estimator is made")
+            raise ValueError("priors must be as before: they are used when the estimator is made")
         if settings.hum_removal != before.hum_removal:
             self._hum = self._make_hum(settings)
-        if isinstance(self._observer, ForceEstimator):
-            self._observer.max_relative_uncertainty = settings.max_relative_uncertainty
+        self._estimator.max_relative_uncertainty = settings.max_relative_uncertainty
         self._detects_faults = settings.fault_detection
         self._finder.set_thresholds(settings.contact or self._sensor.contact)
         self._set_thresholds()
@@ -351,7 +345,7 @@ class Reconstructor:
 
     def _tare(self, forced: bool) -> Tare:
         """Set the forces to zero."""
-        change = self._observer.tare(forced)
+        change = self._estimator.tare(forced)
         self._set_thresholds()
         self._estimate = None
         largest = int(np.abs(change).argmax())
@@ -366,21 +360,20 @@ class Reconstructor:
         ForceImage
             Forces of all taxels with their uncertainty and status; overwritten by the next call.
         """
-        image, observer, faults = self._image, self._observer, self._faults
-        known = observer.offset_known & ~faults.faulty if faults.any_faulty else observer.offset_known
-        self._variance = observer.variance(self._variance)
-        common = observer.common_variance
-        np.copyto(image.force, observer.force, casting="same_kind")
+        image, estimator, faults = self._image, self._estimator, self._faults
+        known = estimator.offset_known & ~faults.faulty if faults.any_faulty else estimator.offset_known
+        self._variance = estimator.variance(self._variance)
+        np.copyto(image.force, estimator.force, casting="same_kind")
         if self._result.contacts:
             self._keep_non_negative(known)
-        self._variance = observer.force_variance(self._variance)
-        shared = observer.correlated_error
-        each = self._variance + np.einsum("ij,ij->i", shared, shared) + common
+        self._variance = estimator.force_variance(self._variance)
+        shared = estimator.correlated_error
+        each = self._variance + np.einsum("ij,ij->i", shared, shared)
         np.sqrt(each, out=image.standard_deviation, casting="same_kind")
         image.status[:] = faults.status
         if self._blank:
             known = np.zeros_like(known)
-        if faults.any_faulty or not observer.valid or self._blank:
+        if faults.any_faulty or not estimator.valid or self._blank:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         self._set_total(known)
@@ -394,23 +387,21 @@ class Reconstructor:
 
     def _set_total(self, known: NDArray[np.bool_]) -> None:
         """Set the loads and their sum: those of faulty taxels are estimated in contacts, as the contacts do it."""
-        image, observer = self._image, self._observer
+        image, estimator = self._image, self._estimator
         image.total, image.total_standard_deviation = math.nan, math.nan
         image.load.fill(0.0)
         image.load_variance.fill(0.0)
         np.copyto(image.load, image.force, where=known)
         np.copyto(image.load_variance, self._variance, where=known)
-        count = int(np.count_nonzero(known))
-        if not count:
+        if not any_true(known):
             return
-        image.total = float(observer.force.sum(where=known))
-        shared = observer.correlated_error[known].sum(axis=0)
+        image.total = float(estimator.force.sum(where=known))
+        shared = estimator.correlated_error[known].sum(axis=0)
         variance = float(image.load_variance.sum()) + float(np.square(shared).sum())
-        variance += count * count * observer.common_variance
         if self._result.contacts and self._faults.any_faulty:
             faulty = self._faults.faulty.nonzero()[0]
             estimated = self._interpolated[faulty]
-            load = np.where(estimated, self._filled[faulty], observer.force[faulty])
+            load = np.where(estimated, self._filled[faulty], estimator.force[faulty])
             image.load[faulty] = np.nan_to_num(load)
             image.load_variance[faulty] = np.where(estimated, _interpolation_variance(load), self._variance[faulty])
             image.total += float(image.load[faulty].sum())
@@ -430,12 +421,11 @@ class Reconstructor:
         ndarray of float64, shape [sums, sums]
             Covariance [N2] times the units of the weights; NaN while a taxel is saturated or none has a force.
         """
-        observer, image = self._observer, self._image
+        estimator, image = self._estimator, self._image
         if math.isnan(image.total_standard_deviation):
             return np.full((len(weights), len(weights)), math.nan)
         known = np.where(np.isnan(image.force), 0.0, weights)
-        common = math.sqrt(observer.common_variance) * known.sum(axis=1)
-        shared = np.column_stack([known @ observer.correlated_error, common])
+        shared = known @ estimator.correlated_error
         covariance: NDArray[np.float64] = (weights * image.load_variance) @ weights.T + shared @ shared.T
         return covariance
 
@@ -465,7 +455,7 @@ class Reconstructor:
         """Project the image onto non-negative forces in each contact; their sum stays the same."""
         for patch in self._finder.patches:
             members = patch[known[patch]]
-            force = self._observer.force[members]
+            force = self._estimator.force[members]
             if force.min(initial=0.0) < 0.0:
                 self._image.force[members] = non_negative(force, self._variance[members])
 
@@ -499,51 +489,50 @@ class Reconstructor:
 
     def _make_estimate(self) -> ForceEstimate:
         """Return the forces with their uncertainty at the end of the last block."""
-        observer, interpolated = self._observer, None
-        force, variance = observer.force, observer.force_variance(np.empty_like(self._variance))
+        estimator, interpolated = self._estimator, None
+        force, variance = estimator.force, estimator.force_variance(np.empty_like(self._variance))
         if self._any_interpolated:
             force, interpolated = self._filled, self._interpolated
             variance[interpolated] = _interpolation_variance(force[interpolated])
         return ForceEstimate(
             force,
             variance,
-            observer.common_variance,
-            self._saturated if self._result.saturated else None,
-            self._unlisted,
-            interpolated,
-            observer.correlated_error,
+            saturated=self._saturated if self._result.saturated else None,
+            unlisted=self._unlisted,
+            interpolated=interpolated,
+            correlated_error=estimator.correlated_error,
         )
 
     def _find_with_faulty(self) -> int:
         """Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours."""
         force, faults = self._filled, self._faults
-        force[:] = self._observer.force
+        force[:] = self._estimator.force
         force[self._interpolated] = 0.0
         regions = self._finder.find(force)
         if not regions:
             return regions
-        unknown = self._interpolated | ~self._observer.offset_known
+        unknown = self._interpolated | ~self._estimator.offset_known
         wanted = self._interpolated.nonzero()[0]
         force[wanted] = faults.surroundings.interpolate(force, unknown, wanted, self._least)
         return self._finder.find(force)
 
     def _close_block(self) -> None:
         """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
-        observer, faults = self._observer, self._faults
+        estimator, faults = self._estimator, self._faults
         near = self._finder.dilated(self._finder.touched, self._contact_margin)
-        variance = observer.variance(self._variance)
-        mean, charge = observer.block_mean, observer.residual_charge
+        variance = estimator.variance(self._variance)
+        mean, charge = estimator.block_mean, estimator.residual_charge
         if not self._detects_faults:
-            faults.measure_noise(observer.block_time, self._saturated, near)
+            faults.measure_noise(estimator.block_time, self._saturated, near)
         elif faults.close_block(
-            observer.block_time, mean, variance, charge, self._saturated, near, observer.offset_known
+            estimator.block_time, mean, variance, charge, self._saturated, near, estimator.offset_known
         ):
-            observer.ignore(faults.faulty)
-        observer.set_noise_variance(faults.noise_variance)
+            estimator.ignore(faults.faulty)
+        estimator.set_noise_variance(faults.noise_variance)
         self._bursts.set_usual_change(faults.usual_change)
-        self._hum.close_block(self._finder.touched, faults.faulty | self._saturated, observer.block_time)
+        self._hum.close_block(self._finder.touched, faults.faulty | self._saturated, estimator.block_time)
         contacts = [contact.region.taxels for contact in self._result.contacts]
-        observer.close_block(self._finder.touched, near, contacts)
+        estimator.close_block(self._finder.touched, contacts)
         self._choose_interpolated()
         self._set_thresholds()
         self._estimate = None
@@ -555,7 +544,7 @@ class Reconstructor:
         if not faults.any_faulty:
             return
         self._unlisted = faults.faulty.copy()
-        informative = faults.informative(self._informative) & self._observer.offset_known
+        informative = faults.informative(self._informative) & self._estimator.offset_known
         estimated = faults.faulty & ~informative
         self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan
         self._interpolated[:] = estimated
@@ -563,22 +552,16 @@ class Reconstructor:
 
     def _set_thresholds(self) -> None:
         """Set the contact thresholds by the uncertainty of the forces."""
-        observer = self._observer
-        self._variance = observer.variance(self._variance)
+        estimator = self._estimator
+        self._variance = estimator.variance(self._variance)
         if self._any_interpolated:
             self._variance[self._interpolated] = 0.0  # their forces are interpolated
-        usable = None if observer.valid and not self._faults.any_faulty else observer.offset_known | self._interpolated
-        self._finder.update_thresholds(observer.force, self._variance, observer.common_variance, usable)
+        usable = (
+            None if estimator.valid and not self._faults.any_faulty else estimator.offset_known | self._interpolated
+        )
+        self._finder.update_thresholds(estimator.force, self._variance, 0.0, usable)
 
 
 def _interpolation_variance(force: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the variance [N2] of forces [N] that are interpolated from the neighbours."""
     return np.square(INTERPOLATION_UNCERTAINTY * force)
-
-
-def _force_estimator(
-    estimator: Estimator, sensor: Sensor, calibration: Calibration, settings: ReconstructionSettings
-) -> ForceObserver | ForceEstimator:
-    if estimator is Estimator.ERROR_STATE:
-        return ForceEstimator(sensor, settings.priors, calibration, settings.max_relative_uncertainty)
-    return ForceObserver(sensor, settings.observer, calibration)

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.estimation.error_states import ErrorPriors
-from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import ContactThresholds
 
 
@@ -21,13 +20,10 @@ from posfet_model.sensor.description import ContactThresholds
 class ReconstructionSettings:
     """Settings of a reconstructor; a component is switched off to learn what it contributes."""
 
-    observer: ObserverSettings | None = None
-    """Settings of the force observer; None: the defaults."""
     priors: ErrorPriors | None = None
-    """Priors of the estimator of all force errors; None: the defaults."""
+    """Standard deviations of the force errors; None: the defaults."""
     max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY
-    """Standard deviation of the total force over that force above which the forces are not valid [1]; the force
-    observer has no such limit."""
+    """Standard deviation of the total force over that force above which the forces are not valid [1]."""
     contact: ContactThresholds | None = None
     """Thresholds of contacts; None: those of the sensor."""
     hum_removal: bool = True

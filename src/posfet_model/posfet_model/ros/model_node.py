@@ -22,7 +22,6 @@ from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import Estimator
 from posfet_model.parameters import MODEL_NODE, default_frame
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
 from posfet_model.reconstruction.settings import ReconstructionSettings
@@ -138,8 +137,7 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _use_calibration(self, calibration: Calibration | None) -> Reconstructor:
         """Begin to estimate with a calibration; None: nominal values."""
-        estimator = Estimator(self.parameters["estimator"])
-        reconstructor = Reconstructor(self.sensor, calibration, estimator, self._settings)
+        reconstructor = Reconstructor(self.sensor, calibration, self._settings)
         with self._lock:
             self._reconstructor, self._result = reconstructor, None
             self._diagnostics.forget()

@@ -281,7 +281,7 @@ READING: Final = np.dtype([("charge", np.float64), ("saturated", np.bool_)], ali
 class InverseSignalChain:
     """Counts back to charge by lookup tables of all 65536 counts; the inverse of `ForwardSignalChain.counts`.
 
-    The nominal offset of the amplifier is subtracted; the observer estimates the remaining offset online.
+    The nominal offset of the amplifier is subtracted; the estimator finds the remaining offset online.
 
     Parameters
     ----------

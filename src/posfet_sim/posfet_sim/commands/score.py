@@ -29,8 +29,7 @@ from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import BAD_INPUT
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
-from posfet_model.parameters import ESTIMATOR, SENSOR_FILE
+from posfet_model.parameters import SENSOR_FILE
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
@@ -82,8 +81,6 @@ class Run:
     """Calibration of the reconstruction; None: nominal parameters."""
     device: Sensor | None = None
     """True properties of the board; None: as in `sensor`."""
-    estimator: Estimator = DEFAULT_ESTIMATOR
-    """How forces are estimated."""
 
 
 def run(what: Run) -> Score:
@@ -104,7 +101,7 @@ def run(what: Run) -> Score:
     ConfigError
         The layout does not fit the frames.
     """
-    reconstructor = Reconstructor(what.sensor, what.calibration, what.estimator)
+    reconstructor = Reconstructor(what.sensor, what.calibration)
     scorer = Scorer(what.sensor)
     spent, scans = 0, 0
     for scan, truth in received_scans(
@@ -156,8 +153,6 @@ class Case:
     """Standard deviation of gain errors after calibration [%]."""
     device: tuple[tuple[str, float], ...]
     """Changes of device properties [%]."""
-    estimator: str
-    """How forces are estimated."""
     seconds: float | None
     """Duration [s]; None: once through the scene."""
 
@@ -174,7 +169,6 @@ def prepared(case: Case) -> Run:
         seed=case.seed,
         error_model=load_error_model(case.imperfections),
         device=device,
-        estimator=Estimator(case.estimator),
     )
 
 
@@ -199,7 +193,6 @@ def main(words: Sequence[str] | None = None) -> int:
             calibration=options.calibration,
             mismatch=options.mismatch,
             device=tuple(options.device),
-            estimator=options.estimator,
             seconds=options.seconds,
         )
         for sensor in options.sensor or [SENSOR_FILE.default]
@@ -324,7 +317,6 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="P",
         help="random gain errors of the taxels after calibration, standard deviation [%%] (default: 0)",
     )
-    parser.add_argument("--estimator", choices=ESTIMATOR.choices, default=ESTIMATOR.default, help=ESTIMATOR.help)
     parser.add_argument(
         "--sensor", metavar="SENSOR", action="append", help=f"{SENSOR_FILE.help}; may be given several times"
     )
