@@ -159,6 +159,20 @@ def test_a_board_that_restarts_is_followed(stack: Stack) -> None:
     stack.publish(5, "image", "contacts")
 
 
+def test_true_contacts_are_shown_where_the_model_is_later_than_the_simulation(stack: Stack) -> None:
+    stack.publish(100)
+    stack.wait(lambda: (found := stack.view.snapshot()) and found.truth)
+    for sequence in range(101, 131):
+        stack.publish(sequence, "truth")
+        stack.view.snapshot()
+    stack.publish(110, "image", "contacts")
+    stack.wait(lambda: (found := stack.view.snapshot()) and found.sequence == 110)
+    assert stack.view.snapshot().truth
+    stack.publish(500, "image", "contacts")
+    stack.wait(lambda: (found := stack.view.snapshot()) and found.sequence == 500)
+    assert not stack.view.snapshot().truth, "those of another time are none"
+
+
 def test_the_client_follows_description_and_diagnostics(stack: Stack, sensor: Sensor) -> None:
     stack.info.publish(info_message(sensor, "frame", True, 0))
     values = [KeyValue(key="frames lost", value="3"), KeyValue(key="calibration", value="of 2026-01-01")]

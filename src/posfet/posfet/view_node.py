@@ -44,7 +44,13 @@ from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
 DEPTH: Final = 5
-"""Newest messages kept per topic, among which those of one scan are found on all topics."""
+"""Newest messages taken per topic each time, among which those of one scan are found on all topics."""
+
+TRUTHS: Final = 80
+"""True contacts kept, of the last half second: on a loaded machine the model is later than the simulation."""
+
+NEAR: Final = 50
+"""Scans by which true contacts may differ from what is shown, where those of the same scan were not taken."""
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
@@ -77,7 +83,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._count = ScanCount()
         profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         for topic, kind in (("image", TactileImage), ("contacts", TactileContacts), ("truth", TactileTruth)):
-            self._newest[topic] = deque(maxlen=DEPTH)
+            self._newest[topic] = deque(maxlen=TRUTHS if topic == "truth" else DEPTH)
             self._topics[topic] = self.create_subscription(kind, topic, lambda _: None, profile)
 
     def snapshot(self) -> Snapshot | None:
@@ -105,11 +111,11 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             {message.sequence: message for message in self._newest[topic]} for topic in ("image", "contacts", "truth")
         )
         common = images.keys() & found.keys()
-        common = common & truths.keys() or common
         if not common:
             return None
         sequence = max(common)
         image, contacts, client = images[sequence], found[sequence], self.client
+        near = (each for each in truths.values() if abs(each.sequence - sequence) <= NEAR)
         array = client.array
         live = (contact for contact in contacts.contacts if contact.state != ContactState.RELEASED)
         return Snapshot(
@@ -123,7 +129,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             total_force=image.total_force,
             data_valid=contacts.data_valid,
             contacts=tuple(_view(contact, array) for contact in live),
-            truth=_true_contacts(truths.get(sequence)),
+            truth=_true_contacts(min(near, key=lambda each: abs(each.sequence - sequence), default=None)),
             state=client.state,
             calibration=client.calibration,
             standard_deviation=np.asarray(image.standard_deviation),
