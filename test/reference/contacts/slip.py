@@ -24,9 +24,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core.contact import Contact, ContactState
 from posfet_model.sensor.description import Layout
 from reference.contacts.detection import Region
-from reference.contacts.tracker import Contact, ContactState
 
 CORNER_FREQUENCY: Final = 50.0
 """Corner frequency of the high-pass [Hz]."""

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final
 
+from posfet_core.contact import Contact, ContactState, Merged
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import force_noise_rms
 from reference.contacts.assignment import minimum_cost_assignment
@@ -37,15 +37,6 @@ RELEASED_FORCE: Final = 2.0
 """A contact with less force than this when it ends was released, and did not merge with another [contact threshold]."""
 
 
-class ContactState(IntEnum):
-    """State of a contact; the values are those of STATE_* in posfet_msgs/TactileContact."""
-
-    NEW = 0
-    HELD = 1
-    MOVING = 2
-    RELEASED = 3
-
-
 @dataclass(frozen=True)
 class TrackerSettings:
     """Settings of data association and motion detection. All values are assumed."""
@@ -58,43 +49,6 @@ class TrackerSettings:
     """A contact moves from this speed on [m/s]."""
     stop_speed: float = 1e-3
     """A moving contact is held again below this speed [m/s]."""
-
-
-class Contact(NamedTuple):
-    """One contact at the time of a scan."""
-
-    id: int
-    """Track id, in [1, `LAST_ID`]."""
-    state: ContactState
-    """State of the contact."""
-    region: Region
-    """Geometry and force; of a released contact the last geometry, with force 0."""
-    velocity: tuple[float, float]
-    """Velocity (x, y) of the centre of pressure [m/s], low-pass filtered; NaN in the first scan."""
-    age: float
-    """Time since the contact began [s]."""
-    merged: tuple[Merged, ...] = ()
-    """Contacts that merged into this one, in order; they are restored when it splits, and end when it ends."""
-    split_from: int = 0
-    """Id of the contact that this one split off from, 0 for none."""
-
-    @property
-    def merged_ids(self) -> tuple[int, ...]:
-        """Ids of the merged contacts."""
-        return tuple(past.id for past in self.merged)
-
-
-class Merged(NamedTuple):
-    """A contact that merged into another."""
-
-    id: int
-    """Track id."""
-    age: float
-    """Its age at the merge, less that of the contact that it merged into [s]."""
-    offset: tuple[float, float]
-    """Its centre of pressure at the merge, from that of the contact that it merged into (x, y) [m]."""
-    split_from: int
-    """Id of the contact that it split off from, 0 for none."""
 
 
 class ContactTracker:

@@ -479,8 +479,8 @@ class ForceEstimator:
             self._process_again(touched)
         else:
             self._step(block)
-        if any_true(listed) and any_true(begun := listed & ~self._listed):
-            self._suspect_absorbed(begun)
+        if any_true(listed) and any_true(new := listed & ~self._listed):
+            self._suspect_absorbed(new)
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
@@ -648,12 +648,12 @@ class ForceEstimator:
             block.touched = block.touched | touched
             self._step(block)
 
-    def _suspect_absorbed(self, begun: Mask) -> None:
-        """Set what a slow press may have lost to the zeros before, where a contact begins.
+    def _suspect_absorbed(self, new: Mask) -> None:
+        """Set what a slow press may have lost to the zeros before, where taxels are newly listed.
 
         It counts in the deviation only: the filter would explain the rest of the press by it.
         """
-        pressed = self._surroundings.dilated(begun) & ~self._listed
+        pressed = self._surroundings.dilated(new) & ~self._listed
         lost = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
         self._absorbed = np.where(pressed, lost, self._absorbed)
 
