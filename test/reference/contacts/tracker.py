@@ -15,10 +15,10 @@ gets a new id, and refers to the one that it split off from.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from posfet_core.contact import Contact, ContactState, Merged
+from posfet_model.contacts.tracker import TrackerSettings
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import force_noise_rms
 from reference.contacts.assignment import minimum_cost_assignment
@@ -35,20 +35,6 @@ TAXELS_ACROSS: Final = 3.0
 
 RELEASED_FORCE: Final = 2.0
 """A contact with less force than this when it ends was released, and did not merge with another [contact threshold]."""
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """Settings of data association and motion detection. All values are assumed."""
-
-    gate: float = 1.5
-    """Greatest distance of the centre of pressure from one scan to the next for the same contact [pitch]."""
-    smoothing: float = 0.02
-    """Time constant of the velocity's low-pass [s]."""
-    start_speed: float = 2e-3
-    """A contact moves from this speed on [m/s]."""
-    stop_speed: float = 1e-3
-    """A moving contact is held again below this speed [m/s]."""
 
 
 class ContactTracker:
