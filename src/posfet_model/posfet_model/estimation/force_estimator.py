@@ -515,7 +515,7 @@ class ForceEstimator:
         known = self._walk.intensity
         self._walk.observe(kelvin, noise, after.span)
         if (grown := self._walk.intensity - known) > 0.0:
-            # A walk that was not expected was taken for a drift of the offsets as far as it can look like one.
+            # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
             self._filter.admit(DRIFTING, float(self._per_kelvin.mean()) ** 2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
 

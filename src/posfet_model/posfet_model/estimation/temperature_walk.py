@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""How much the temperature of the chip wanders, observed while nothing touches."""
+"""Random walk of the chip temperature, observed while nothing touches."""
 
 from __future__ import annotations
 
