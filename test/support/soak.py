@@ -241,9 +241,9 @@ class Soak:
     def _line(self) -> str:
         usage, losses = Usage.now(), self._board.decoder.statistics
         return (
-            f"{self.verdict.scans} scans, {sum(self.verdict.faults.values())} faults, torn {losses.incomplete_scans}, "
-            f"lost {losses.lost_scans}, {usage.memory / 1e6:.1f} MB, {usage.threads} threads, "
-            f"{usage.descriptors} descriptors"
+            f"{self.verdict.scans} scans, {sum(self.verdict.faults.values())} faults, "
+            f"incomplete {losses.incomplete_scans}, lost {losses.lost_scans}, {usage.memory / 1e6:.1f} MB, "
+            f"{usage.threads} threads, {usage.descriptors} descriptors"
         )
 
 

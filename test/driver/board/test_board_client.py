@@ -87,23 +87,57 @@ def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: st
                     board.close()
 
 
-def test_reconnect_backoff_grows_from_100_ms_to_5_s(sensor: Sensor) -> None:
+def attempts_to_open(sensor: Sensor, duration: float, count: int) -> tuple[list[float], Board]:
+    """Return the pauses between attempts to open an adapter [s], each of which takes `duration` [s] and fails."""
     clock = SteppedClock()
-    attempts: list[int] = []
+    attempts: list[tuple[int, int]] = []
 
     def fail() -> FrameBus:
-        attempts.append(clock.now)
+        begin = clock.now
+        clock.now += round(duration * 1e9)
+        attempts.append((begin, clock.now))
         raise can.CanInitializationError("no such\ndevice")
 
     board = Board(sensor, fail, clock=clock)
     board.open()
-    while len(attempts) < 10:
+    while len(attempts) < count:
         assert board.read(1.0) is None
-    pauses = [(later - earlier) / 1e9 for earlier, later in pairwise(attempts)]
-    assert pauses == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0, 5.0], abs=1e-6)
-    assert max(pauses) == BACK_OFF_LAST
+    return [(begin - end) / 1e9 for (_, end), (begin, _) in pairwise(attempts[:count])], board
+
+
+def test_pauses_between_attempts_to_open_grow_from_100_to_250_ms(sensor: Sensor) -> None:
+    pauses, board = attempts_to_open(sensor, 0.0, 10)
+    assert pauses == pytest.approx([0.1, 0.2, *[BACK_OFF_LAST] * 7], abs=1e-6)
+    assert BACK_OFF_LAST == 0.25
     assert board.report().health == Health.ERROR
     assert board.report().state == "CAN bus unavailable, retrying: no such device"
+
+
+@pytest.mark.parametrize(("duration", "pause"), [(0.06, 0.25), (0.2, 0.8), (1.0, 4.0), (3.0, 5.0)])
+def test_an_adapter_that_takes_long_to_open_is_opened_less_often(sensor: Sensor, duration: float, pause: float) -> None:
+    pauses, _ = attempts_to_open(sensor, duration, 6)
+    assert pauses[2:] == pytest.approx([pause] * 3, abs=1e-6)
+
+
+def test_an_adapter_that_took_long_to_open_and_has_worked_is_opened_again_after_100_ms(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+    buses: list[SteppedBus] = []
+    begins: list[int] = []
+
+    def open_one() -> SteppedBus:
+        begins.append(clock.now)
+        clock.now += 1_000_000_000
+        buses.append(SteppedBus(clock, firmware))
+        return buses[-1]
+
+    board = Board(sensor, open_one, clock=clock)
+    board.open()
+    next(read_scans(board, 1))
+    buses[-1].broken = True
+    lost = clock.now
+    next(read_scans(board, 1))
+    assert begins[1] - lost == pytest.approx(0.1e9, abs=1e6)
 
 
 def test_data_flows_within_half_a_second_after_the_bus_returns(sensor: Sensor) -> None:

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import can
 import numpy as np
 import pytest
 
@@ -86,12 +87,17 @@ class Bench:
         self.reported: list[str] = []
         self.health = Health.OK
         self.first = -1
+        self.unplugged = False
+        self.opening_time = 0
         self._report_time = 0
         self.buses: list[SteppedBus] = []
         self.board = Board(sensor, self._open_bus, self.clock)
         self.board.open()
 
     def _open_bus(self) -> SteppedBus:
+        self.clock.now += self.opening_time
+        if self.unplugged:
+            raise can.CanInitializationError("no such device")
         self.buses.append(SteppedBus(self.clock, self.injector, CADENCE))
         return self.buses[-1]
 
@@ -161,6 +167,7 @@ def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: 
         InjectedFault.BOARD_UNPLUGGED,
         InjectedFault.UNREADABLE,
         InjectedFault.UNACKNOWLEDGED,
+        InjectedFault.BUS_OFF,
         InjectedFault.RESET,
         InjectedFault.FROZEN_COUNTER,
     ],
@@ -174,6 +181,25 @@ def test_data_flows_within_half_a_second_after_the_bus_returns(injected: Injecte
         bench.injector.fault = injected
         bench.run(length)
         bench.injector.fault = InjectedFault.NONE
+        back = bench.clock.now
+        while bench.board.read(0.01) is None:
+            assert bench.clock.now - back < BACK, bench.board.report()
+
+
+@BOTH
+@pytest.mark.parametrize("opening_time", [0, 60_000_000])
+def test_data_flows_within_half_a_second_after_an_adapter_without_presence_is_plugged_in(
+    opening_time: int, fd: bool
+) -> None:
+    """At whatever phase of the attempts to open it, however long it was away; each attempt takes `opening_time`."""
+    bench = Bench(fd)
+    bench.opening_time = opening_time
+    for length in (*np.arange(0.2, 1.6, 0.07), *np.arange(12.0, 12.4, 0.03)):
+        bench.run(1)
+        bench.unplugged = bench.buses[-1].broken = True
+        bench.run(length)
+        assert FaultKind.ADAPTER_DISCONNECTED in bench.faults or length < 1
+        bench.unplugged = False
         back = bench.clock.now
         while bench.board.read(0.01) is None:
             assert bench.clock.now - back < BACK, bench.board.report()

@@ -18,7 +18,7 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response
+from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
@@ -40,6 +40,8 @@ class SlowLink:
         self.delay = 0
         self.change: dict[int, int | None] = {}
         """Value of the response by command; None: the response is lost."""
+        self.results: dict[int, Result] = {}
+        """Result of the response by command."""
         self.hands_back = False
         """Whether the driver receives its own commands."""
         self.commands: list[Request] = []
@@ -64,6 +66,8 @@ class SlowLink:
             self._queue.append((now + self.delay, frame))
         for sent in self.board.receive(frame, now):
             response = Response.unpack(sent[2]) if sent[0] == BASE + RESPONSE_OFFSET else None
+            if response and response.command in self.results:
+                response = replace(response, result=self.results[response.command])
             if response and response.command in self.change:
                 value = self.change[response.command]
                 if value is None:
@@ -181,6 +185,67 @@ def test_a_rate_that_only_a_response_states_is_never_set(fd: bool, value: int) -
     bench.run(2.0)
     assert {request.argument for request in bench.link.commands if request.command == Command.SET_RATE} == {1000}
     assert bench.run(1.0) == 1000
+
+
+@BOTH
+@pytest.mark.parametrize("value", [0, 10_000_001, 0xFFFF_FFFF])
+def test_a_rate_that_the_protocol_does_not_have_is_not_confirmed_by_a_board_that_repeats_it(
+    fd: bool, value: int
+) -> None:
+    """Else each start from then on would set it."""
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.link.change = {Command.SET_RATE: value}
+    bench.link.results = {Command.SET_RATE: Result.OK}
+    with pytest.raises(CommandError, match=r"SET_RATE: refused by the board: ok"):
+        bench.board.request(Command.SET_RATE, value)
+    bench.link.change, bench.link.results = {}, {}
+    bench.link.commands.clear()
+    bench.link.board.running = False
+    bench.run(2.0)
+    assert {request.argument for request in bench.link.commands if request.command == Command.SET_RATE} == {1000}
+    assert bench.run(1.0) == 1000
+
+
+def test_a_command_that_was_cancelled_while_it_waited_is_not_sent_and_the_reader_goes_on() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.link.commands.clear()
+    first, second, third = map(bench.board.submit, (Command.SELF_TEST, Command.STOP, Command.SELF_TEST))
+    assert second.cancel()
+    assert bench.run(1.0) == 1000
+    assert (first.result().result, third.result().result) == (Result.OK, Result.OK)
+    assert [request.command for request in bench.link.commands] == [Command.SELF_TEST, Command.SELF_TEST]
+
+
+def test_a_command_that_was_sent_cannot_be_cancelled() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.link.delay = 100 * MILLISECOND
+    pending = bench.board.submit(Command.SELF_TEST)
+    bench.board.read(0.01)
+    assert not pending.cancel()
+    while not pending.done():
+        bench.board.read(0.01)
+    assert pending.result().result == Result.OK
+
+
+@pytest.mark.parametrize("closes", [True, False])
+def test_cancelled_commands_that_expire_or_find_the_board_closed_raise_nothing(closes: bool) -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.link.board.running = False
+    bench.link.delay = 60_000 * MILLISECOND
+    bench.run(0.5)
+    pending = [bench.board.submit(Command.SELF_TEST) for _ in range(3)]
+    assert pending[1].cancel()
+    if closes:
+        bench.board.close()
+    else:
+        bench.run(2.0)
+    for one in (pending[0], pending[2]):
+        with pytest.raises(CommandError):
+            one.result(timeout=0)
 
 
 def test_a_rate_that_a_user_has_set_is_given_up_when_the_next_board_refuses_it() -> None:

@@ -26,6 +26,7 @@ from posfet_model.sensor.scan import ScanStatus
 from support.fake_board import make_scan, with_fd
 
 SENSOR = load_sensor()
+SENSOR_CLASSIC = with_fd(SENSOR, False)
 BASE = SENSOR.can.base_id
 MILLISECOND = 1_000_000
 ROUNDING = 20_000
@@ -419,3 +420,31 @@ def test_what_a_host_missed_that_stood_still_is_lost_though_the_clock_of_the_boa
     assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
     assert heard.accounted >= 32_190
     assert heard.decoder.statistics.implausible == 0
+
+
+def test_a_reset_is_flagged_when_the_scan_that_would_have_carried_the_flag_is_dropped() -> None:
+    """An overflow has the first classic scan of a power-on wait for the next header; a restart drops it."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(tick, tick) for tick in range(40))
+    assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
+    heard.decoder.note_overflow()
+    codec, published = make_codec(SENSOR_CLASSIC), len(heard.scans)
+
+    def of_next_power_on(sequence: int) -> list[Frame]:
+        scan = make_scan(SENSOR_CLASSIC, sequence)
+        scan.device_time = 1000 * sequence
+        return codec.encode(scan, BASE, boot=1, header=sequence % 16 == 0)
+
+    published_status = []
+    for sequence in range(40):
+        frames = of_next_power_on(sequence)
+        for decoded in heard.decoder.decode(frames, (100 + sequence) * MILLISECOND, 0):
+            assert isinstance(decoded, ScanReady)
+            published_status.append((decoded.scan.sequence, decoded.scan.status))
+        if sequence == 5:
+            assert (published_status, len(heard.scans)) == ([], published)
+            heard.decoder.start()
+    sequences = [sequence for sequence, _ in published_status]
+    assert sequences == list(range(16, 40))
+    flagged = [sequence for sequence, status in published_status if status & ScanStatus.BOARD_RESET]
+    assert flagged == [16]

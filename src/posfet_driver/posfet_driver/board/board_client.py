@@ -33,7 +33,7 @@ from posfet_model.sensor.scan import Scan
 class Board:
     """One board on a bus. Used by one thread, but for `submit` and `report`.
 
-    The bus is reopened, with exponential back-off, whenever it cannot be opened, fails, or stays without a response; a
+    The bus is reopened, with back-off, whenever it cannot be opened, fails, or stays without a response; a
     board that does not respond or stops sending is identified and restarted. None of this raises: `report` states what
     is missing and why.
 

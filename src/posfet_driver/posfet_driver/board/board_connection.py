@@ -41,7 +41,7 @@ SCAN_TIMEOUT_SCANS: Final = 10
 class BoardConnection:
     """State of the connection to a board, and the frames that were read. Used by one thread.
 
-    The bus is reopened, with exponential back-off, whenever it cannot be opened or fails, bus-off included, and at once
+    The bus is reopened, with back-off, whenever it cannot be opened or fails, bus-off included, and at once
     when its adapter is connected again. None of this raises: `reason` and `fault` state what is missing.
 
     Parameters

@@ -60,17 +60,19 @@ class CommandQueue:
         Returns
         -------
         Future of Response
-            Raises CommandError when the command fails.
+            Raises CommandError when the command fails. A command that waits can be cancelled, and is not sent then.
         """
         pending = PendingCommand(command, argument, timeout, now + round(timeout * NANOSECONDS))
         self._waiting.append(pending)
         return pending.response
 
     def next(self) -> PendingCommand | None:
-        """Return the command to be sent now, or None."""
-        if self._current is None and self._waiting:
-            self._current = self._waiting.popleft()
-            return self._current
+        """Return the command to be sent now, or None; one that was cancelled meanwhile is dropped."""
+        while self._current is None and self._waiting:
+            pending = self._waiting.popleft()
+            if pending.response.set_running_or_notify_cancel():  # from now on it cannot be cancelled
+                self._current = pending
+                return pending
         return None
 
     def pending(self) -> bool:
@@ -116,4 +118,6 @@ class CommandQueue:
 
 
 def _fail(pending: PendingCommand, reason: str) -> None:
+    if not pending.response.running() and not pending.response.set_running_or_notify_cancel():
+        return  # cancelled
     pending.response.set_exception(CommandError(f"{pending.command.name}: {reason}"))

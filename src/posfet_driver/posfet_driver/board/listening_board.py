@@ -34,7 +34,7 @@ LISTENS_ONLY: Final = "the driver only listens to a board with frames of its own
 class ListeningBoard:
     """One board on a bus that nothing is sent to. Used by one thread, but for `submit` and `report`.
 
-    The bus is reopened, with exponential back-off, whenever it cannot be opened, fails, or stays without a frame of the
+    The bus is reopened, with back-off, whenever it cannot be opened, fails, or stays without a frame of the
     board. None of this raises: `report` states what is missing and why.
 
     Parameters

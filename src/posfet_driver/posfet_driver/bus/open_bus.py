@@ -37,6 +37,8 @@ SLCAN: Final = "slcan"
 PLAIN_SLCAN: Final = "slcan-python-can"
 """Interface of python-can's own slcan."""
 logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; python-can would log each attempt, too
+# python-can before 4.4 warns of a bus that could not be opened, too, when the object is freed.
+logging.getLogger("can.bus").addFilter(lambda record: "not properly shut down" not in str(record.msg))
 _DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
 
 

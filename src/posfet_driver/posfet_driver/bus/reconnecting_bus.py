@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""A bus that reconnects with exponential back-off."""
+"""A bus that reconnects with back-off."""
 
 from __future__ import annotations
 
@@ -22,14 +22,19 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 
 BACK_OFF_FIRST: Final = 0.1
-BACK_OFF_LAST: Final = 5.0
-"""Delay between two attempts to open the bus [s]: doubled from the first to the last."""
+BACK_OFF_LAST: Final = 0.25
+"""Pause between two attempts to open the bus [s]: doubled from the first to the last. The last is as short because only
+an attempt tells of many adapters that they were connected again, and data has to flow 0.5 s later."""
+PAUSE_PER_ATTEMPT: Final = 4.0
+"""Shortest pause in durations of the attempt before it: at most a fifth of the time is spent on attempts; assumed."""
+SLOW_BACK_OFF_LAST: Final = 5.0
+"""Longest pause after an attempt that took long [s]; assumed."""
 PRESENCE_PERIOD: Final = 0.1
 """Period at which the presence of the adapter is checked [s]."""
 SETTLE_TIME: Final = 1.0
 """Time that a reopened bus has to work [s] until its loss is over, when no frame arrives earlier; assumed.
 A network device that is down can be opened, and fails at once."""
-BUS_OFF_MEMORY: Final = 2 * BACK_OFF_LAST
+BUS_OFF_MEMORY: Final = 2 * SLOW_BACK_OFF_LAST
 """Time after the last report of bus-off [s] after which that bus-off is over, when no frame arrives earlier; assumed.
 A controller that stays bus-off is asked more often."""
 
@@ -77,6 +82,7 @@ class ReconnectingBus:
         self._bus: FrameBus | None = None
         self._last_presence: object = None
         self._delay = BACK_OFF_FIRST
+        self._attempt_duration = 0.0  # [s]; 0 once the bus has worked
         self._unreadable_before = 0  # of buses that are closed
         self._loss = _Event()
         self._bus_off = _Event()
@@ -123,6 +129,7 @@ class ReconnectingBus:
         ConfigError
             When it can never be opened with these arguments.
         """
+        begin = self._clock.monotonic()
         try:
             if self._presence is not None:
                 self._last_presence = self._presence()
@@ -132,6 +139,8 @@ class ReconnectingBus:
             if isinstance(error, ConfigError):
                 raise
             raise bus_failure(error) from error
+        finally:
+            self._attempt_duration = (self._clock.monotonic() - begin) / NANOSECONDS
         self.opened += 1
         self._opened_at = self._clock.monotonic()
 
@@ -144,16 +153,17 @@ class ReconnectingBus:
                 bus.shutdown()
 
     def fail(self) -> float:
-        """Close a bus that has failed; return the delay until the next attempt [s]."""
+        """Close a bus that has failed; return the pause until the next attempt [s]."""
         if self.is_open:
             self._loss.begin()
         self.close()
-        delay, self._delay = self._delay, min(2 * self._delay, BACK_OFF_LAST)
-        return delay
+        pause, self._delay = self._delay, min(2 * self._delay, BACK_OFF_LAST)
+        return max(pause, min(PAUSE_PER_ATTEMPT * self._attempt_duration, SLOW_BACK_OFF_LAST))
 
     def reset_backoff(self) -> None:
-        """Reset the back-off."""
+        """Reset the back-off: the bus works, or its adapter was connected again."""
         self._delay = BACK_OFF_FIRST
+        self._attempt_duration = 0.0
 
     def wait_for_device(self, duration: int) -> bool:
         """Wait up to `duration` [ns] without a bus; return True when an adapter was connected or removed meanwhile."""

@@ -108,6 +108,7 @@ class Decoder:
         self._sync = ClockSync()
         self._ascending = AscendingStamps()
         self._power_ons = PowerOns()
+        self._resets = 0  # flags of the next scan that is published: the one that was completed first may be dropped
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
@@ -265,7 +266,7 @@ class Decoder:
         if dated:
             scan.stamp = self._sync.to_monotonic(time, self._arrival)
         numbering = scans.numbering
-        scan.status |= self._power_ons.flags(numbering.boot, numbering.restarted)
+        self._resets |= self._power_ons.flags(numbering.boot, numbering.restarted)
         numbering.restarted = False
 
     def _recall(self, held: Held) -> None:
@@ -283,6 +284,8 @@ class Decoder:
         It was acquired at `device_time` [us], which is counted on if the board's clock has `stalled`.
         """
         scan = self.scan
+        scan.status |= self._resets
+        self._resets = 0
         stamp = self._ascending.stamp(scan.stamp, device_time, self._arrival)
         scan.stamp = stamp + self._wall_offset.value
         scan.stamp_uncertainty = math.nan if stalled else self._uncertainty(stamp) / NANOSECONDS

@@ -127,8 +127,18 @@ class Response:
         return cls(command, tag, result, value, boot & BOOT_COUNTER)
 
     def confirms(self, argument: int) -> bool:
-        """Return whether the board has executed the command with this argument: SET_RATE is answered with it."""
-        return self.result == Result.OK and (self.command != Command.SET_RATE or self.value == argument)
+        """Return whether the board has executed the command with this argument.
+
+        SET_RATE is answered with it; no board can keep a period that the protocol does not have, whatever it answers.
+
+        Parameters
+        ----------
+        argument : int
+            Argument of the command.
+        """
+        if self.command == Command.SET_RATE and not (1 <= argument <= LONGEST_PERIOD and self.value == argument):
+            return False
+        return self.result == Result.OK
 
     @property
     def reason(self) -> str:
