@@ -71,3 +71,16 @@ def test_its_example_is_complete_and_of_the_right_types(name: str) -> None:
         [request] = re.findall(r'"(\{.*\})"', SECTIONS[name])
         filled(getattr(srv, name).Request, yaml.safe_load(request))
         assert list(yaml.safe_load(request)) == list(getattr(srv, name).Request.get_fields_and_field_types())
+
+
+def test_the_migration_note_names_fields_that_are_there() -> None:
+    note = README.read_text(encoding="utf-8").split("## Migration to")[1]
+    rows = re.findall(r"^\| (\w+) \| (`.*?) \|", note, re.M)
+    assert len(rows) == 10
+    for name, text in rows:
+        kind = getattr(srv, name).Request if INTERFACES[name] == ".srv" else getattr(msg, name)
+        fields = re.findall(r"`(\w+)`", text)
+        assert fields, name
+        assert set(fields) <= set(kind.get_fields_and_field_types()), name
+    for constant in re.findall(r"\b(?:STATUS|TAXEL)_\w+", note):
+        assert hasattr(msg.TactileImage if constant.startswith("TAXEL") else msg.TactileRaw, constant), constant

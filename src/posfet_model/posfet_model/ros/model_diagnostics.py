@@ -14,10 +14,12 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from posfet_model.reconstruction.diagnostics import Level, Verdict
 from posfet_model.reconstruction.scan_clock import ScanCounts
 from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
 from posfet_model.ros.model_outputs import OUTPUT_DEPTH
 from posfet_model.ros.model_report import ModelReport
+from posfet_model.ros.queue_delay import LONGEST, QueueDelay
 from posfet_model.ros.supervision import SupervisedNode
 from posfet_model.sensor.description import Sensor
 
@@ -36,12 +38,19 @@ class ModelDiagnostics:
         Sensor description.
     observe : callable
         Returns whether scans are processed, and a report on them; None while there is nothing to report.
+    queue : QueueDelay
+        Knows the scans that came too late.
     """
 
     def __init__(
-        self, node: SupervisedNode, sensor: Sensor, observe: Callable[[], tuple[bool, ModelReport | None]]
+        self,
+        node: SupervisedNode,
+        sensor: Sensor,
+        observe: Callable[[], tuple[bool, ModelReport | None]],
+        queue: QueueDelay,
     ) -> None:
-        self._node, self._observe = node, observe
+        self._node, self._observe, self._queue = node, observe, queue
+        self._dropped = 0
         self._hardware = hardware_id(sensor, node.get_namespace())
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
@@ -64,8 +73,21 @@ class ModelDiagnostics:
         if report is None:
             return
         before, self._reported = self._reported, report.counts
-        verdict = report.verdict(before)
+        verdict = self._with_dropped(report.verdict(before))
         level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
-        values = report.values(before, REPORT_PERIOD) | self._node.internal_errors.values()
+        values = report.values(before, REPORT_PERIOD)
+        values["dropped as too late"] = str(self._queue.dropped)
+        values |= self._node.internal_errors.values()
         name = f"{self._node.get_fully_qualified_name()}: reconstruction"
         self._publisher.publish(diagnostic_array(level, name, text, self._hardware, values, time.time_ns()))
+
+    def _with_dropped(self, verdict: Verdict) -> Verdict:
+        """Return the verdict with the scans that came too late since the last one; they are the cause of others."""
+        dropped, self._dropped = self._queue.dropped - self._dropped, self._queue.dropped
+        if not dropped:
+            return verdict
+        why = f"{dropped} scans dropped, more than {LONGEST:g} s late: they come faster than they are processed"
+        text = f"{why}; lower the scan rate, or free a processor"
+        if verdict.level == Level.ERROR:
+            return Verdict(verdict.level, f"{verdict.text}; {text}")
+        return Verdict(Level.WARN, text)

@@ -35,6 +35,7 @@ from posfet_model.ros.model_settings import reconstruction_settings
 from posfet_model.ros.model_snapshot import Snapshot, snapshot
 from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
+from posfet_model.ros.queue_delay import QueueDelay
 from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
 from posfet_model.sensor.scan import Scan
@@ -85,7 +86,8 @@ class ModelNode(SupervisedLifecycleNode):
         self._raw: Any = None
         self._settings = ReconstructionSettings()
         self._use_settings(settings)
-        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed)
+        self._queue = QueueDelay(self)
+        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed, self._queue)
         self._served = ModelServices(self, calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
         if self.parameters["direct"]:
             self.use_frame(default_frame(self.get_namespace()))
@@ -98,6 +100,7 @@ class ModelNode(SupervisedLifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Process scans."""
         if not self.parameters["direct"]:
+            self._queue.start()
             self._raw = self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
         self._active = True
         return super().on_activate(state)
@@ -128,6 +131,7 @@ class ModelNode(SupervisedLifecycleNode):
         if self._raw is not None:
             self.destroy_subscription(self._raw)
             self._raw = None
+            self._queue.stop()
 
     def _end(self) -> None:
         self._pause()
@@ -217,6 +221,8 @@ class ModelNode(SupervisedLifecycleNode):
             return snapshot(self._reconstructor, self._result, self.sensor.layout)
 
     def _receive(self, message: TactileRaw) -> None:
+        if self._queue.too_late():
+            return
         frame_id = message.header.frame_id or default_frame(self.get_namespace())
         if frame_id != self._outputs.frame_id:
             try:
