@@ -12,10 +12,11 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from importlib.abc import MetaPathFinder
 from importlib.util import find_spec
+from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
@@ -98,6 +99,31 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return ScopeScheduling(config, log)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> Generator[None, Any, Any]:
+    """Let a module that is skipped, or cannot be imported, be that alone.
+
+    The plug-in of launch_testing imports each module to see whether it has a launch description. What the module then
+    raises would count for all that is collected: a package whose first module is skipped would run no test, and pass.
+    """
+    try:
+        return (yield)
+    except (Exception, pytest.skip.Exception):
+        return pytest.Module.from_parent(parent, path=module_path)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
+    """No module leaves a participant of the middleware behind: many in one process slow each other down and lock up.
+
+    pytest before 8 may end a fixture of this file before one of the module, whatever began first.
+    """
+    result = yield
+    if nextitem is None or nextitem.path != item.path:
+        assert not participants_kept(), "a node of this module was not destroyed, or its context not shut down"
+    return result
+
+
 def _is_worker(config: pytest.Config) -> bool:
     return hasattr(config, "workerinput")
 
@@ -130,13 +156,6 @@ def waits_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _shortly(read_frames: Callable[[Any, float], list[Any]]) -> Callable[[Any, float], list[Any]]:
     return lambda bus, timeout: read_frames(bus, min(timeout, POLL))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def nodes_are_destroyed() -> Iterator[None]:
-    """No module leaves a participant of the middleware behind: many in one process slow each other down and lock up."""
-    yield
-    assert not participants_kept(), "a node of this module was not destroyed, or its context not shut down"
 
 
 @pytest.fixture(scope="session")

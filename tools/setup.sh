@@ -45,8 +45,12 @@ find_python() {
 
 setup_sourced_ros() {
     require_tools colcon python3-colcon-common-extensions cmake cmake g++ g++
-    g++ -x c++ -fsyntax-only -include pybind11/options.h /dev/null 2>/dev/null ||
-        fail "missing: headers of pybind11. Install with: sudo apt-get install pybind11-dev"
+    # Its headers include Python's, which are in no folder that the compiler searches by itself. pip's are in one that it names.
+    local includes
+    includes="-I$(python3 -c 'import sysconfig; print(sysconfig.get_path("include"))') $(python3 -m pybind11 --includes 2>/dev/null || true)"
+    # shellcheck disable=SC2086  # several options
+    g++ -x c++ -fsyntax-only $includes -include pybind11/pybind11.h /dev/null 2>/dev/null ||
+        fail "missing: headers of pybind11 and of Python. Install with: sudo apt-get install pybind11-dev python3-dev"
     require_python_modules rclpy "ros-$ROS_DISTRO-rclpy" can python3-can numpy python3-numpy yaml python3-yaml \
         rich python3-rich pytest python3-pytest
     echo "posfet: using the sourced ROS 2 $ROS_DISTRO"

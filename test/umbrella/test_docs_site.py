@@ -74,6 +74,12 @@ def test_the_python_reference_has_every_public_module() -> None:
     assert not [page for page in pages if "._" in page or "figures" in page]
 
 
+@pytest.fixture(autouse=True)
+def in_the_repository(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run where make runs; colcon runs the tests in the folder of the package."""
+    monkeypatch.chdir(ROOT)
+
+
 @pytest.mark.parametrize("name", sorted(PAGES))
 def test_the_generated_reference_is_up_to_date(name: str) -> None:
     assert (DOCS / name).read_text(encoding="utf-8") == PAGES[name](), "run: make reference"
