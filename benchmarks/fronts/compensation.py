@@ -16,9 +16,9 @@ import numpy as np
 from benchmarks.fronts.front import Check, Choice, Effort, Front
 from benchmarks.fronts.interleaved import interleaved
 from benchmarks.outcome import shown
+from posfet_core.scan_path import ForceIntegration
 from posfet_model._lib.first_order import mean_decay
 from posfet_model._lib.types import Array
-from posfet_model.estimation.leakage_inverse import LeakageInverse
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.device.pole_bank import PoleBank
 
@@ -72,14 +72,14 @@ def zero_order(charge: Array, step: float) -> Array:
 
 def one_pole(charge: Array, step: float) -> Array:
     """Undo the leak as this stack does."""
-    inverse = LeakageInverse(np.full(1 if charge.ndim == 1 else charge.shape[1], TAU), np.ones(1))
     columns = charge[:, None] if charge.ndim == 1 else charge
+    taxels = columns.shape[1]
+    integration = ForceIntegration(np.full(taxels, TAU), np.ones(taxels), np.zeros(taxels), np.inf)
     out = np.zeros_like(columns)
-    change = np.zeros(columns.shape[1])
-    inverse.start(columns[0])
+    integration.start(columns[0])
     for index in range(1, len(columns)):
-        inverse.advance(columns[index], step, change)
-        out[index] = out[index - 1] + change
+        integration.advance(columns[index], step)
+        out[index] = integration.raw
     return out.reshape(charge.shape)
 
 

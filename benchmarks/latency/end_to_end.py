@@ -89,6 +89,19 @@ def attempt(setup: Setup) -> Measurement:
         return Measurement(np.zeros(0), np.zeros(0), float("nan"), 0, 0, 0)
 
 
+def over_echo(touched: Measurement, idle: Measurement, echo: Measurement) -> dict[str, float]:
+    """Return what the stack takes over what the echo of the same run takes, which other machines can compare."""
+    ready, ready_idle, ready_echo = (float(np.percentile(each.ready, 50)) for each in (touched, idle, echo))
+    return {
+        "ready_touched_over_echo": ready / ready_echo,
+        "ready_idle_over_echo": ready_idle / ready_echo,
+        "latency_p50_over_echo": touched.at(50) / echo.at(50),
+        "latency_p99_over_echo": touched.at(99) / echo.at(99),
+        "cpu_touched_over_echo": touched.cpu / echo.cpu,
+        "cpu_idle_over_echo": idle.cpu / echo.cpu,
+    }
+
+
 def measure(full: bool) -> Outcome:
     """Measure all cases."""
     measured = {name: run(setup) for name, setup in SHORT.items()}
@@ -113,6 +126,8 @@ def measure(full: bool) -> Outcome:
         "echo_cpu_pct": echo.cpu,
         "latency_separate_5x5_1khz_p50_us": measured["5 x 5, 1 kHz, separate"].at(50),
         "latency_messages_5x5_1khz_p50_us": measured["5 x 5, 1 kHz, messages"].at(50),
+        "cpu_4khz_pct": measured["5 x 5, 4 kHz"].cpu,
+        **over_echo(touched, idle, echo),
     }
     note = (
         f"For the first three cases the run with the smallest median of {RUNS}, as other load only adds. CPU: driver "

@@ -23,6 +23,10 @@ from benchmarks import report
 from benchmarks.outcome import Chart, Outcome, Table
 from benchmarks.simulation import follower_against_ngspice
 from benchmarks.targets import TARGETS, Target
+from posfet_driver.bus.slcan_codec import encode_line
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
 from posfet_model.spice import ngspice
 
 NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "web": "rclpy",
@@ -100,3 +104,33 @@ def test_ngspice_and_the_model_get_the_same_input() -> None:
     assert follower_against_ngspice.array_error(last, 0.25) < 0.1  # one pole for the circuit: 0.07 %
     with pytest.raises(RuntimeError, match="different inputs"):
         follower_against_ngspice.array_error(last, 0.05)
+
+
+def test_times_are_compared_with_the_echo_of_the_same_run() -> None:
+    end_to_end = pytest.importorskip("benchmarks.latency.end_to_end", reason="needs rclpy")
+    rig = pytest.importorskip("benchmarks.latency.rig")
+    touched, idle, echo = (
+        rig.Measurement(np.linspace(0.0, 2.0 * latency, 101), np.full(9, ready), cpu, 0, 0, 0)
+        for latency, ready, cpu in ((300.0, 200.0, 30.0), (250.0, 150.0, 20.0), (200.0, 100.0, 10.0))
+    )
+    assert end_to_end.over_echo(touched, idle, echo) == pytest.approx(
+        {
+            "ready_touched_over_echo": 2.0,
+            "ready_idle_over_echo": 1.5,
+            "latency_p50_over_echo": 1.5,
+            "latency_p99_over_echo": 1.5,
+            "cpu_touched_over_echo": 3.0,
+            "cpu_idle_over_echo": 2.0,
+        }
+    )
+
+
+def test_the_echo_finds_the_sequence_of_a_scan_in_its_line() -> None:
+    echo = pytest.importorskip("benchmarks.latency.processes.echo", reason="needs rclpy")
+    sensor = load_sensor()
+    scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+    scan.sequence, scan.device_time = 0x1234, 0x55667788
+    (frame,) = make_codec(sensor).encode(scan, sensor.can.base_id)
+    line = encode_line(frame)
+    assert line[:1] == b"b"
+    assert bytes.fromhex(line[echo.SEQUENCE].decode("ascii")) == b"\x34\x12"

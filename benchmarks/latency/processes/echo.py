@@ -31,7 +31,7 @@ from posfet_model.ros.run_node import ros, spin
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileContacts
 
-SEQUENCE = slice(13, 17)
+SEQUENCE = slice(5, 9)
 """Position of the low 16 bits of the sequence in the line of a CAN FD frame."""
 START_TIMEOUT = 5.0
 WAIT_MS = 100
