@@ -18,6 +18,7 @@
 #include "posfet_core/assignment.hpp"
 #include "posfet_core/detection.hpp"
 #include "posfet_core/force_estimate.hpp"
+#include "posfet_core/force_integration.hpp"
 #include "posfet_core/jumps.hpp"
 #include "posfet_core/neighbour_estimate.hpp"
 #include "posfet_core/slip.hpp"
@@ -305,6 +306,84 @@ void bind_jumps(const py::module_& module) {
   module.attr("MOST_IN_A_ROW") = kMostInARow;
 }
 
+std::vector<double> vector_of(const Values& values) { return {values.data(), values.data() + values.size()}; }
+
+/// A writable view of one of the values that each taxel holds.
+template <std::vector<double> ForceIntegration::State::* Member>
+py::array state_of(const py::object& self) {
+  auto& values = self.cast<ForceIntegration&>().state().*Member;
+  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data(), self);
+}
+
+py::array_t<double> signal_of(ForceIntegration& integration) {
+  const LeakageInverse& inverse = integration.inverse();
+  py::array_t<double> signal(static_cast<py::ssize_t>(inverse.taxels()));
+  for (std::size_t taxel = 0; taxel < inverse.taxels(); ++taxel) {
+    signal.mutable_data()[taxel] = inverse.charge()[taxel] * inverse.newton_per_charge()[taxel];
+  }
+  return signal;
+}
+
+void bind_integration(const py::module_& module) {
+  using State = ForceIntegration::State;
+  py::class_<ForceIntegration>(module, "ForceIntegration",
+                               "Forces of all taxels, and their sums over a block of scans.")
+      .def(py::init([](const Values& time_constant, const Values& newton_per_charge, const Values& newton_per_kelvin,
+                       double long_step) {
+             return std::make_unique<ForceIntegration>(vector_of(time_constant), vector_of(newton_per_charge),
+                                                       vector_of(newton_per_kelvin), long_step);
+           }),
+           py::arg("time_constant"), py::arg("newton_per_charge"), py::arg("newton_per_kelvin"), py::arg("long_step"))
+      .def(
+          "start",
+          [](ForceIntegration& integration, const Values& charge) {
+            integration.inverse().start(values_of(charge, static_cast<Taxel>(integration.taxels()), "charge"));
+          },
+          py::arg("charge"), "Set the charge densities [C/m2] of a first scan, which has no predecessor.")
+      .def(
+          "advance",
+          [](ForceIntegration& integration, const Values& charge, double step) {
+            return integration.advance(values_of(charge, static_cast<Taxel>(integration.taxels()), "charge"),
+                                       positive(step, "step"));
+          },
+          py::arg("charge"), py::arg("step"),
+          "Process the charge densities of a scan [C/m2]; return the deviation of what leaked in a long step [N].")
+      .def("start_block", &ForceIntegration::start_block, "Start a new block: clear its sums.")
+      .def(
+          "watch",
+          [](ForceIntegration& integration, const Indices& untouched, const Values& small, double share) {
+            if (small.size() != untouched.size()) {
+              throw std::invalid_argument("small must have one value for each untouched taxel");
+            }
+            integration.watch(Taxels(untouched.data(), untouched.data() + untouched.size()), small.data(), share);
+          },
+          py::arg("untouched"), py::arg("small"), py::arg("share"),
+          "Set the untouched taxels that show the film's temperature, their small forces [N], and the film's share.")
+      .def("watch_none", &ForceIntegration::watch_none, "Watch no taxel.")
+      .def("follow_untouched", &ForceIntegration::follow_untouched,
+           "Subtract what the watched taxels show of the film's temperature.")
+      .def(
+          "remove_uniform",
+          [](ForceIntegration& integration, const Tested& ignored, double noticeable, double most) {
+            require_taxels(ignored, static_cast<Taxel>(integration.taxels()), "ignored");
+            return integration.remove_uniform(ignored.data(), noticeable, most);
+          },
+          py::arg("ignored"), py::arg("noticeable"), py::arg("most"),
+          "Subtract a uniform change of the other taxels; return it [N].")
+      .def_property_readonly("signal", &signal_of, "Charges of the last scan as forces, a new array [N].")
+      .def_property_readonly("raw", &state_of<&State::raw>, "Uncorrected force of each taxel [N].")
+      .def_property_readonly("change", &state_of<&State::change>, "Change of each force in the last step [N].")
+      .def_property_readonly("correction", &state_of<&State::correction>, "Correction of each force [N].")
+      .def_property_readonly("rate", &state_of<&State::rate>, "Rate of each correction [N/s].")
+      .def_property_readonly("force", &state_of<&State::force>, "Corrected force of each taxel [N].")
+      .def_property_readonly("sum", &state_of<&State::sum>, "Sum of the forces of the block's scans [N].")
+      .def_property_readonly("raw_sum", &state_of<&State::raw_sum>, "Sum of the uncorrected forces [N].")
+      .def_property_readonly("jumped", &state_of<&State::jumped>, "Variance of what leaked in long steps [N2].")
+      .def_property_readonly("lost", &state_of<&State::lost>, "Deviation of what leaked in lost scans [N].");
+  module.attr("FEWEST_FOR_UNIFORM") = kFewestForUniform;
+  module.attr("LEAST_LOADED") = kLeastLoaded;
+}
+
 }  // namespace
 
 }  // namespace posfet
@@ -316,5 +395,6 @@ PYBIND11_MODULE(scan_path, module) {
   posfet::bind_slip(module);
   posfet::bind_neighbours(module);
   posfet::bind_jumps(module);
+  posfet::bind_integration(module);
   module.attr("ENTER_DEVIATIONS") = posfet::kEnterDeviations;
 }

@@ -431,6 +431,47 @@ def test_a_uniform_press_is_not_valid_until_the_sensors_told_it_from_a_warmer_fi
     assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)
 
 
+@pytest.mark.parametrize("begin", [0.9, 1.2, 1.5, 1.95])
+@pytest.mark.parametrize("rise", [0.05, 0.3])
+@pytest.mark.parametrize(("warming", "silent"), [(0.1, (1.0, 2.0)), (0.0, (0.0, 9.0)), (0.1, (0.0, 9.0))])
+def test_a_uniform_press_is_never_valid_as_no_force_while_the_sensors_are_silent(
+    begin: float, rise: float, warming: float, silent: tuple[float, float]
+) -> None:
+    watch, force, wrong = Watch(), press(2.0, begin, 60.0, rise=rise), []
+    uniform = np.full(TAXELS, 1.0 / TAXELS)
+    for time, scan in scans(SENSOR, 5.0, force=force, shape=uniform, temperature=lambda time: 25.0 + warming * time):
+        if silent[0] <= time < silent[1]:
+            scan.temperatures[:] = math.nan
+        error = abs(watch.process(time, scan).sum() - force(time))
+        wrong.append(error > max(0.1 * force(time), 0.05))
+    # Measured: 0 to 30 scans at the onset; a uniform press counted as a warmer film for good before.
+    assert np.count_nonzero(np.array(wrong) & np.array(watch.valid)) <= 40
+
+
+def test_a_contact_with_the_whole_array_does_not_end_as_it_becomes_uncertain() -> None:
+    watch, force, total = Watch(), press(2.0, 1.0, 6.0), []
+    for time, scan in scans(SENSOR, 8.0, force=force, shape=np.full(TAXELS, 1.0 / TAXELS)):
+        scan.temperatures[:] = math.nan
+        total.append(watch.process(time, scan).sum())
+        assert not watch.estimator.valid or abs(total[-1] - force(time)) < 0.3 or time < 1.02
+    assert total[5900] == pytest.approx(2.0, abs=0.1)  # its deviation has exceeded the force for a second
+    assert abs(total[-1]) < 0.02
+    assert watch.estimator.valid
+
+
+def test_a_tare_closes_an_undecided_hypothesis() -> None:
+    watch = Watch()
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.2, 60.0), shape=np.full(TAXELS, 1.0 / TAXELS)):
+        scan.temperatures[:] = 25.0 + 0.1 * time if time < 1.0 else math.nan
+        watch.process(time, scan)
+        if round(1000 * time) == 2000:
+            assert not watch.estimator.valid
+            watch.estimator.tare(forced=True)
+        if round(1000 * time) > 2100:
+            assert watch.estimator.valid
+            assert abs(watch.estimator.force.sum()) < 0.1
+
+
 @pytest.mark.parametrize("offset", [-0.15, 0.15])
 def test_blocks_of_unequal_length_do_not_look_like_warming(offset: float) -> None:
     # Rounding of times makes some blocks one scan longer. The force error grows by 0.6 N/s: half a scan of it shows.
@@ -568,3 +609,17 @@ def test_a_faulty_taxel_is_zero_while_nothing_touches_as_a_noisy_one_counts_in_t
             watch.estimator.ignore(np.arange(TAXELS) == MIDDLE)
         force = watch.process(time, scan)
     assert abs(force[MIDDLE]) < 0.25 * THRESHOLD
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4, 5])
+def test_a_taxel_with_telegraph_noise_does_not_stay_in_contact_after_a_long_touch(seed: int) -> None:
+    # At rest its offset is that of the present level; in the mean of a long touch it is half a step away.
+    random, watch, high, errors = np.random.default_rng(seed), Watch(), False, []
+    for time, scan in scans(SENSOR, 31.0, force=press(10.0, 10.0, 30.0), shape=FINGERTIP, rate=500.0):
+        high ^= bool(random.random() < 2e-3)
+        scan.counts[CORNER] += STEP * high
+        error = watch.process(time, scan)[CORNER] - 10.0 * FINGERTIP[CORNER] * (time < 30.0)
+        if time > 11.0:
+            errors.append(error / watch.deviation()[CORNER])
+    assert np.mean(np.abs(errors) < 2.0) >= 0.9
+    assert abs(watch.estimator.force[CORNER]) < THRESHOLD

@@ -34,12 +34,15 @@ def test_steps_of_a_taxel_are_its_noise_and_no_other_ones() -> None:
     step = np.array([0.0, 1e-3, 0.0])
     for _ in range(60):
         rest(each, random.exponential(1.0))
-        each.observe(ALL, step, NOISE, BLOCK)
+        rest(each, 2 * BLOCK, step)  # from the block before it, and to the one after it
         step = -step
     variance = np.asarray(each.variance(2.0))
     # Sixty steps, of which the last MEMORY seconds count: a standard error of a fifth.
     assert variance[1] == pytest.approx(2.0 * 1e-6 * LEAK[1], rel=0.6)
     assert variance[0] == variance[2] == 0.0
+    offset = np.asarray(each.least_offset_variance())
+    assert offset[1] == pytest.approx(0.5e-3**2, rel=0.6)  # half a step
+    assert offset[0] == offset[2] == 0.0
 
 
 def test_the_random_walk_covers_that_of_a_signal_with_two_levels() -> None:
@@ -64,7 +67,7 @@ def test_noise_is_no_step() -> None:
     each, random = JumpNoise(TAU), np.random.default_rng(3)
     for _ in range(3000):
         each.observe(ALL, random.normal(0.0, np.sqrt(2.0 * NOISE)), NOISE, BLOCK)
-    assert each.variance(1.0) == 0.0
+    assert each.variance(1.0) == each.least_offset_variance() == 0.0
 
 
 def test_a_rise_may_be_a_touch() -> None:

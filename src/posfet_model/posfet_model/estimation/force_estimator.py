@@ -7,7 +7,7 @@
 
 """Static force from the leaking charge signal: deterministic integration, and a filter of its errors.
 
-The inverse of the leak (`LeakageInverse`) gives a force F^ that is never corrected. Its errors, and what else generates
+The inverse of the leak gives a force F^ that is never corrected. Its errors, and what else generates
 charge besides the force, are the states of `ForceErrorFilter`, measured wherever a force is known (`known_forces`):
 
     F_i = F^_i - d_i - h_i.s
@@ -15,6 +15,8 @@ charge besides the force, are the states of `ForceErrorFilter`, measured whereve
 with the error d_i of taxel i, the states s that all taxels share (`error_states`), and the responses h_i to them
 (`touch_response`). Every block of 20 ms is one step of the filter. When a touch begins, the last blocks are processed
 again without the taxels that it touches: the first, weak part of a touch is no zero (docs/estimation.md).
+
+What happens in every scan is compiled: `posfet_core`, force_integration.hpp.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import any_true, median, upper_median
+from posfet_core import scan_path
+from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.contact_surroundings import ContactSurroundings
@@ -45,7 +48,6 @@ from posfet_model.estimation.known_forces import (
     UnexplainedResiduals,
     UniformChange,
 )
-from posfet_model.estimation.leakage_inverse import LeakageInverse
 from posfet_model.estimation.rest_detector import RestDetector
 from posfet_model.estimation.settings import (
     LONG_STEP,
@@ -201,13 +203,17 @@ class ForceEstimator:
         self._per_second = 1.0 / self._tau
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
-        self._inverse = LeakageInverse(self._tau, 1.0 / (charge_per_newton(sensor) * gain))
+        self._mean_per_kelvin = float(self._per_kelvin.mean())
         self._noise_variance = np.full(taxels, noise**2)
         self._threshold = sensor.contact.threshold
+        whole = float(np.abs(self._per_kelvin).sum())
+        self._negligible = LEAST_DEVIATION * self._threshold / whole if whole else math.inf
         self.max_relative_uncertainty = max_relative_uncertainty
         """Standard deviation of the total force over that force above which forces are not valid; may change."""
         self._runaway = RUNAWAY * device.force_max
-        self._long_step = LONG_STEP * float(self._tau.min())
+        self._integration = scan_path.ForceIntegration(
+            self._tau, 1.0 / (charge_per_newton(sensor) * gain), self._per_kelvin, LONG_STEP * float(self._tau.min())
+        )
         lag = calibration.thermal_time_constant
         self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
         self._dynamics = SharedDynamics(p, self._film_lag)
@@ -229,7 +235,7 @@ class ForceEstimator:
         self._left_deviation = np.full(taxels, self._left)
         self.film = Thermometers()
         """The chip's temperature sensors."""
-        self.force = np.zeros(taxels)
+        self.force = self._integration.force
         """Estimated force [N], positive when pushed; valid where `offset_known`. Owned by the estimator."""
         self.offset_known = np.zeros(taxels, np.bool_)
         """Taxels whose offset is known."""
@@ -253,17 +259,18 @@ class ForceEstimator:
         self._age = 0.0
         self._rested = 0.0  # time since a contact was listed [s]
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
-        self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
-        self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
+        scans = self._integration
+        self._raw, self._change, self._correction, self._rate = scans.raw, scans.change, scans.correction, scans.rate
+        self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
+        self._lost = scans.lost  # deviation of what leaked in lost scans, common to all taxels [N]
+        self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._absorbed = np.zeros((2, taxels))
         self._factor = np.zeros((taxels, COUNT + 3))
-        self._lost = self._factor[:, COUNT + 2]  # deviation of what leaked in lost scans, common to all taxels [N]
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
-        self._listed, self._touched, self._beside = np.zeros((3, taxels), np.bool_)
-        self._untouched, self._small, self._share = np.zeros(0, np.intp), np.zeros(0), 0.0
+        self._listed, self._touched, self._beside, self._nowhere = np.zeros((4, taxels), np.bool_)
 
     @property
     def block_due(self) -> bool:
@@ -283,7 +290,7 @@ class ForceEstimator:
     @property
     def residual_charge(self) -> Array:
         """Charge at each gate, as the force that would generate it [N], shape [rows * cols]."""
-        charge: Array = self._inverse.signal - self._offset()
+        charge: Array = self._integration.signal - self._offset()
         return charge
 
     @property
@@ -356,25 +363,14 @@ class ForceEstimator:
         if not self._started:
             self._start(charge)
             return
-        change = self._change
-        coefficients = self._inverse.advance(charge, step, change)
-        self._raw += change
-        self._raw_sum += self._raw
-        np.multiply(self._rate, step, out=self._work)
-        self._correction += self._work
-        np.subtract(self._raw, self._correction, out=self.force)
-        self._sum += self.force
+        lost = self._integration.advance(charge, step)
         self._scans += 1
         self._elapsed += step
         self._age += step
         self._square += step * step
-        if step > self._long_step:
-            # The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed,
-            # and the same for all taxels that jumped at once.
-            lost = np.abs(change) * coefficients.ratio / math.sqrt(12.0)
-            self._jumped += lost * lost
-            np.hypot(self._lost, lost, out=self._lost)
-            self.valid = self.valid and float(lost.sum()) < LEAST_DEVIATION * self._threshold
+        if lost > 0.0:
+            self._factor[:, COUNT + 2] = self._lost
+            self.valid = self.valid and lost < LEAST_DEVIATION * self._threshold
 
     def compensate_common_mode(self, touched: bool) -> None:
         """Keep a uniform change out of the forces of a scan until the block ends.
@@ -387,24 +383,14 @@ class ForceEstimator:
         touched : bool
             Whether anything touches.
         """
-        if len(self._untouched):
-            residual = (self.force[self._untouched] - self._small) / self._per_kelvin[self._untouched]
-            shift = self._per_kelvin * (self._share * median(residual))
-            self._correction += shift
-            self.force -= shift
-        if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
+        self._integration.follow_untouched()
+        if touched or self._uniform.pause > 0.0 or not self._uniform.observable or any_true(self._touched):
             return
-        usable = self.force[~self.ignored] if self.ignored.any() else self.force
-        if len(usable) < UniformChange.FEWEST or float(usable.max()) < NOTICEABLE * self._threshold:
-            return
-        per_kelvin = float(self._per_kelvin.mean())
-        most = UniformChange.FASTEST * self._elapsed * abs(per_kelvin) - self._compensated
-        least = min(self._uniform.least_loaded(usable), most)
-        if least > 0.0:
-            self._compensated += least
-            shift = self._per_kelvin * (least / per_kelvin)
-            self._correction += shift
-            self.force -= shift
+        most = UniformChange.FASTEST * self._elapsed * abs(self._mean_per_kelvin) - self._compensated
+        removed = self._integration.remove_uniform(self.ignored, NOTICEABLE * self._threshold, most)
+        if removed > 0.0:
+            self._compensated += removed
+            self.valid = self.valid and self._compensated <= self._negligible * abs(self._mean_per_kelvin)
 
     def inflate_variance(self, saturated: Mask, step: float) -> None:
         """Increase the variance of saturated taxels by the leakage that the clipped signal does not show.
@@ -416,7 +402,7 @@ class ForceEstimator:
         step : float
             Time since the previous scan [s].
         """
-        lost = np.abs(self._inverse.signal[saturated]) * (step / self._tau[saturated])
+        lost = np.abs(self._integration.signal[saturated]) * (step / self._tau[saturated])
         own = self.belief.own
         own[saturated, 0, 0] = (np.sqrt(np.maximum(own[saturated, 0, 0], 0.0)) + lost) ** 2
 
@@ -443,12 +429,13 @@ class ForceEstimator:
         self._usual -= change
         self._mean = self._mean + change
         self._blocks.clear()
+        self._drop_hypothesis()
         if forced:
             self._lower_bound.mask[:] = False
             self._unexplained.reset()
             self._touch.reset()
             self._touched[:] = self._beside[:] = False
-            self._untouched = self._untouched[:0]
+            self._integration.watch_none()
         self._start_block()
         return change
 
@@ -464,6 +451,9 @@ class ForceEstimator:
             Taxels of each contact.
         """
         listed = touched & self.offset_known
+        if any_true(lost := self._unreleased(listed)):
+            listed = listed | lost
+            contacts = (*contacts, lost.nonzero()[0])
         touched = listed | (self._unexplained.rising & self.offset_known)
         if any_true(self._lower_bound.mask):
             # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
@@ -495,6 +485,17 @@ class ForceEstimator:
         self._touched, self._beside = touched, beside
         self._finish(block)
 
+    def _unreleased(self, listed: Mask) -> Mask:
+        """Return the taxels of a contact with the whole array that became uncertain, and was not released.
+
+        No untouched taxel shows the film's temperature: the uncertainty grows until the contact is no longer
+        significant. That is no evidence of zero forces.
+        """
+        usable = ~self.ignored
+        if np.count_nonzero(usable & ~self._touched) >= UniformChange.FEWEST:
+            return self._nowhere
+        return usable & self._touched & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
+
     def _observe_rest(self, listed: bool) -> None:
         """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
         self._rested = 0.0 if listed else self._rested + self._elapsed
@@ -504,11 +505,13 @@ class ForceEstimator:
         usable = ~self.ignored
         if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
             return
-        before, after = self._blocks[0], self._blocks[1]
-        change = after.mean - before.mean - self._offset() * (after.span / self._tau)
+        before, after, later = self._blocks[0], self._blocks[1], self._blocks[2]
+        drift = self._offset() * self._per_second
+        change = after.mean - before.mean - after.span * drift
         # What all have in common is the film's temperature.
         kelvin = upper_median((change / self._per_kelvin)[usable])
-        change -= self._per_kelvin * kelvin
+        change += later.mean - after.mean - later.span * drift
+        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
         self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
@@ -516,7 +519,7 @@ class ForceEstimator:
         self._walk.observe(kelvin, noise, after.span)
         if (grown := self._walk.intensity - known) > 0.0:
             # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
-            self._filter.admit(DRIFTING, float(self._per_kelvin.mean()) ** 2 * grown / self._age)
+            self._filter.admit(DRIFTING, self._mean_per_kelvin**2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
 
     def _observe_steady_force(self) -> None:
@@ -557,7 +560,7 @@ class ForceEstimator:
         """Return the block that is due, and the taxels beside a touched one."""
         mean = self._sum / self._scans
         self._mean = mean
-        leaked = self._raw - self._inverse.signal
+        leaked = self._raw - self._integration.signal
         charge = (leaked - self._leaked) * (self._tau / self._elapsed)  # what leaks in a block is its mean charge
         self._leaked = leaked
         self._unread += self._elapsed
@@ -660,6 +663,8 @@ class ForceEstimator:
     def _step(self, block: Block) -> None:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
         beside = self._predict(self._filter, block)
+        own = self.belief.own[:, 1, 1]
+        np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
         self._measure_temperature(self._filter, block, any_true(zeros))
         self._measure_zeros(block, beside)
@@ -727,7 +732,7 @@ class ForceEstimator:
             own = f.own_deviation(deviation, sensitivity, noise)
             kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration, listed)
             if kelvin:
-                if kelvin * float(self._per_kelvin.mean()) > 0.0 and not listed:
+                if kelvin * self._mean_per_kelvin > 0.0 and not listed:
                     self._open_hypothesis(block)
                 direction = self._dynamics.maneuver(f.belief.shared, block.duration)
                 f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
@@ -758,6 +763,11 @@ class ForceEstimator:
         for later in islice(from_here, 1, None):
             self._predict(self._unheated, later)
 
+    def _drop_hypothesis(self) -> None:
+        """Keep the belief as it is: what the other one would say no longer matters."""
+        self._uniform.close()
+        self._unheated, self._doubt = None, 0.0
+
     def _judge(self, block: Block, odd: Mask, where: Mask, residual: Array) -> None:
         """Act on the residuals of the newest block that no state explains."""
         shared, unheated = self.belief.shared, self._unheated
@@ -772,7 +782,7 @@ class ForceEstimator:
         wait = UniformChange.CONFIRMATION + 2.0 * self._dynamics.sensor_lag(shared)
         if math.isnan(block.reading):
             wait += UniformChange.INTERVAL
-        if self._uniform.is_refused(odd, where, claimed, shown, deviation, wait, block.duration):
+        if self._uniform.is_refused(odd, where, claimed, shown, deviation, self._negligible, wait, block.duration):
             self._uniform.refuse()
             if unheated is not None:
                 self._filter.belief = unheated.belief
@@ -828,8 +838,8 @@ class ForceEstimator:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
         leaking = self._offset() * self._per_second
-        self._rate = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
-        self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
+        self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
+        self._correction[:] = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
         self._set_covariance(block)
@@ -858,14 +868,13 @@ class ForceEstimator:
         # Fewer than half of the taxels are all at the edge of what touches, and change with it.
         enough = max(UniformChange.FEWEST, len(untouched) // 2)
         if not (self._touched.any() and self._uniform.observable and untouched.sum() >= enough):
-            self._untouched = self._untouched[:0]
+            self._integration.watch_none()
             return
-        self._untouched = untouched.nonzero()[0]
-        self._small = self._mean[self._untouched]
-        deviation = math.sqrt(float(self._noise_variance[self._untouched].mean()) / len(self._untouched))
-        walk = abs(float(self._per_kelvin.mean())) * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
+        watched = untouched.nonzero()[0]
+        deviation = math.sqrt(float(self._noise_variance[watched].mean()) / len(watched))
+        walk = abs(self._mean_per_kelvin) * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
         walk *= block.duration / self._scans
-        self._share = walk / (walk + deviation)
+        self._integration.watch(watched, self._mean[watched], walk / (walk + deviation))
 
     def _film_rate(self) -> float:
         """Return the rate of the film's temperature [K/s]."""
@@ -885,6 +894,7 @@ class ForceEstimator:
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
+        self._factor[:, COUNT + 2] = self._lost
         if not any_true(self._listed):
             self._absorbed[:] = 0.0
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
@@ -897,8 +907,7 @@ class ForceEstimator:
         touched = self._touched & ~self.ignored
         any_touched = any_true(touched)
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
-        doubted = LEAST_DEVIATION * self._threshold < abs(self._doubt) * float(np.abs(self._per_kelvin).max())
-        if self._recovering > 0.0 or not sound.all() or doubted:
+        if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
             return False
         if not any_touched:
             return True
@@ -914,7 +923,7 @@ class ForceEstimator:
             return
         # What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
         warming = self._uniform.observable or self._warms()
-        at_rest = self._rest.update(self._inverse.signal, self.ignored, duration, warming)
+        at_rest = self._rest.update(self._integration.signal, self.ignored, duration, warming)
         if self._rest.moved:
             self._restart(~self.offset_known)
         elif at_rest and self._agreed >= SETTLE_TIME:
@@ -927,10 +936,10 @@ class ForceEstimator:
 
     def _start(self, charge: Array) -> None:
         """Start with a scan that has no predecessor."""
-        self._inverse.start(charge)
-        self._leaked = self._raw - self._inverse.signal
+        self._integration.start(charge)
+        self._leaked = self._raw - self._integration.signal
         self._last_duration = BLOCK
-        signal, belief = self._inverse.signal, self.belief
+        signal, belief = self._integration.signal, self.belief
         if not math.isnan(self._sensors):
             p = self._priors
             self._filter.restart_temperature(self._sensors, p.mean(), p.covariance())
@@ -945,12 +954,13 @@ class ForceEstimator:
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._blocks.clear()
+        self._drop_hypothesis()
         self._recent_force.clear()
         self._negative.reset(slice(None))
         self._unexplained.reset()
         self._started = True
         self._rest.start(signal)
-        self._untouched = self._untouched[:0]
+        self._integration.watch_none()
         self._restart(~self.offset_known)
         self._start_block()
 
@@ -973,7 +983,7 @@ class ForceEstimator:
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
         charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)
         drift, rate = belief.shared[[Shared.DRIFT, Shared.RATE]]
-        belief.error[new, 1] = (self._inverse.signal - self._tau * drift - charge * rate)[new]
+        belief.error[new, 1] = (self._integration.signal - self._tau * drift - charge * rate)[new]
         belief.slope[new, 1, Shared.RATE] = -charge[new]
         belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
         belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
@@ -990,6 +1000,6 @@ class ForceEstimator:
         self._blocks.clear()
 
     def _start_block(self) -> None:
-        self._sum[:] = self._raw_sum[:] = self._jumped[:] = 0.0
+        self._integration.start_block()
         self._scans = 0
         self._elapsed = self._square = self._compensated = 0.0

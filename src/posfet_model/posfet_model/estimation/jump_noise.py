@@ -15,8 +15,11 @@ import numpy as np
 
 from posfet_model._lib.types import Array, Mask
 
-STEP: Final = 5.0
+STEP: Final = 4.0
 """Deviations of the difference of two blocks' means from which on it is a step [1]."""
+
+SEEN: Final = 2.0
+"""Number of such differences that show the same step [1], with a block between the two."""
 
 QUIET: Final = 0.3
 """Time for which no contact must have been listed [s]: the end of a release is no step."""
@@ -36,7 +39,9 @@ class JumpNoise:
 
     A signal that switches between two levels (random telegraph noise) has an offset that lasts for a while, in which
     the integration adds up its charge. Over longer times that is a random walk of the force error, of the variance
-    J*(1 + (D/(2*tau))^2) in each second, with the mean square of the steps in a second J and the time between them D.
+    J*(1 + (D/(2*tau))^2) in each second, with the mean square of the steps in a second J and the time between them D,
+    about a drift: the offset that is observed is that of the present level, and its mean is half a step away, of the
+    square J*D/4.
 
     State variables, shapes [taxels]: J [N2/s], and the time of observation [s].
 
@@ -52,7 +57,9 @@ class JumpNoise:
         self._any = False
 
     def observe(self, where: Mask, change: Array, noise: Array, duration: float) -> None:
-        """Process the change of the mean force from one block to the next, while nothing touches.
+        """Process the change of the mean force from one block to the one after the next, while nothing touches.
+
+        A step within the block in between is seen whole.
 
         Parameters
         ----------
@@ -63,7 +70,7 @@ class JumpNoise:
         noise : ndarray of float64, shape [taxels]
             Variance of a mean [N2].
         duration : float
-            Time between the middles of the blocks [s].
+            Time between two blocks that follow each other [s].
         """
         self._time += np.where(where, duration, 0.0)
         square = change * change
@@ -73,7 +80,7 @@ class JumpNoise:
         if not (self._any or step.any()):
             return
         self._any = True
-        rate = np.where(step, 2.0 * square / duration, 0.0) - self._squares
+        rate = np.where(step, 2.0 / SEEN * square / duration, 0.0) - self._squares
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
 
     def variance(self, duration: float) -> Array | float:
@@ -82,3 +89,7 @@ class JumpNoise:
             return 0.0
         variance: Array = self._squares * (1.0 + (0.5 * DWELL / self._tau) ** 2) * duration
         return variance
+
+    def least_offset_variance(self) -> Array | float:
+        """Return the least variance of each offset [N2], shape [taxels]: that of its mean; 0.0: none."""
+        return self._squares * (0.25 * DWELL) if self._any else 0.0

@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core import scan_path
 from posfet_model._lib.reductions import median
 from posfet_model._lib.types import Array, Mask
 
@@ -229,10 +230,8 @@ class UniformChange:
         Relative standard deviation of these signals [1].
     """
 
-    FEWEST: Final = 5
+    FEWEST: Final = scan_path.FEWEST_FOR_UNIFORM
     """With fewer taxels a uniform change is no evidence: a fingertip presses them all."""
-    LEAST_LOADED: Final = 0.2
-    """Quantile of the forces that represents the least-loaded taxels [1]."""
     NOTICEABLE: Final = 3.0
     """Deviations from which on a common residual needs this hypothesis [1]."""
     FASTEST: Final = 3.0
@@ -309,9 +308,19 @@ class UniformChange:
             self._open = 0.0
 
     def is_refused(
-        self, odd: Mask, where: Mask, claimed: float, shown: float, deviation: float, wait: float, duration: float
+        self,
+        odd: Mask,
+        where: Mask,
+        claimed: float,
+        shown: float,
+        deviation: float,
+        negligible: float,
+        wait: float,
+        duration: float,
     ) -> bool:
         """Process a block; return whether the open hypothesis is wrong.
+
+        It stays open while what it claims matters, and the sensors cannot decide.
 
         Parameters
         ----------
@@ -325,6 +334,8 @@ class UniformChange:
             The change of the film according to the sensors [K]; NaN without a hypothesis.
         deviation : float
             Standard deviation of that change [K].
+        negligible : float
+            Difference of both that makes no difference to the forces [K].
         wait : float
             Time after which the sensors show most of a change of the film [s].
         duration : float
@@ -336,16 +347,19 @@ class UniformChange:
         self._open += duration
         wrong = np.count_nonzero(odd & where) > self.MISFITS * np.count_nonzero(where)
         if self._open >= wait:
+            much = shown * claimed >= self.CONFIRMED * claimed * claimed
             resolved = math.isfinite(shown) and abs(claimed - shown) > self.DISTINCT * deviation
-            wrong |= resolved and shown * claimed < self.CONFIRMED * claimed * claimed
-            self._open = math.nan
+            wrong |= resolved and not much
+            confirmed = much and abs(shown) > self.DISTINCT * deviation
+            if resolved or confirmed or abs(claimed - shown) <= negligible:
+                self.close()
         return bool(wrong)
 
     def refuse(self) -> None:
         """Close the hypothesis as wrong."""
-        self._open, self.pause = math.nan, self.PAUSE
+        self.close()
+        self.pause = self.PAUSE
 
-    def least_loaded(self, force: Array) -> float:
-        """Return the force of the least-loaded taxels [N]: a touch on all other taxels does not affect it."""
-        index = int(self.LEAST_LOADED * len(force))
-        return float(np.partition(force, index)[index])
+    def close(self) -> None:
+        """Close the hypothesis, wrong or not."""
+        self._open = math.nan

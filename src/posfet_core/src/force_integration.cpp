@@ -1,0 +1,204 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/force_integration.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+namespace posfet {
+
+namespace {
+
+/// Width of a uniform distribution over its standard deviation [1].
+const double kUniformDeviation = std::sqrt(12.0);
+
+/// Below, the mean of a decay rounds to 1.
+constexpr double kTiny = 1e-20;
+
+/// Mean of exp(-x*s) over s in [0, 1].
+double mean_decay(double x) { return std::abs(x) < kTiny ? 1.0 : -std::expm1(-x) / x; }
+
+/// Median of values, which are put in another order; there is at least one.
+double median(std::vector<double>& values) {
+  const auto half = static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + half;
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) {
+    return *middle;
+  }
+  return 0.5 * (*std::max_element(values.begin(), middle) + *middle);
+}
+
+}  // namespace
+
+LeakageInverse::LeakageInverse(std::vector<double> time_constant, std::vector<double> newton_per_charge)
+    : time_constant_(std::move(time_constant)), newton_per_charge_(std::move(newton_per_charge)) {
+  if (newton_per_charge_.size() != time_constant_.size() || time_constant_.empty()) {
+    throw std::invalid_argument("newton_per_charge must have one value for each time constant, and at least one");
+  }
+  charge_.assign(taxels(), 0.0);
+  cache_.resize(kCacheSize);
+}
+
+void LeakageInverse::start(const double* charge) { charge_.assign(charge, charge + taxels()); }
+
+const LeakageCoefficients& LeakageInverse::advance(const double* charge, double step, double* change) {
+  const LeakageCoefficients& factors = coefficients(step);
+  for (std::size_t taxel = 0; taxel < charge_.size(); ++taxel) {
+    change[taxel] = charge[taxel] * factors.now[taxel] + charge_[taxel] * factors.before[taxel];
+    charge_[taxel] = charge[taxel];
+  }
+  return factors;
+}
+
+const LeakageCoefficients& LeakageInverse::coefficients(double step) {
+  if (cached_ > 0 && cache_[last_].step == step) {
+    return cache_[last_];
+  }
+  const auto end = cache_.begin() + static_cast<std::ptrdiff_t>(cached_);
+  const auto found = std::find_if(cache_.begin(), end, [step](const auto& known) { return known.step == step; });
+  if (found != end) {
+    last_ = static_cast<std::size_t>(found - cache_.begin());
+    return *found;
+  }
+  LeakageCoefficients& made = unused();
+  made.step = step;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    made.ratio[taxel] = step / time_constant_[taxel];
+    made.now[taxel] = newton_per_charge_[taxel] / mean_decay(made.ratio[taxel]);
+    made.before[taxel] = newton_per_charge_[taxel] * made.ratio[taxel] - made.now[taxel];
+  }
+  return made;
+}
+
+LeakageCoefficients& LeakageInverse::unused() {
+  last_ = cached_ < kCacheSize ? cached_ : 0;
+  cached_ = last_ + 1;
+  LeakageCoefficients& place = cache_[last_];
+  for (auto* values : {&place.ratio, &place.now, &place.before}) {
+    values->resize(taxels());
+  }
+  return place;
+}
+
+ForceIntegration::ForceIntegration(std::vector<double> time_constant, std::vector<double> newton_per_charge,
+                                   std::vector<double> newton_per_kelvin, double long_step)
+    : inverse_(std::move(time_constant), std::move(newton_per_charge)),
+      newton_per_kelvin_(std::move(newton_per_kelvin)),
+      long_step_(long_step) {
+  if (newton_per_kelvin_.size() != taxels()) {
+    throw std::invalid_argument("newton_per_kelvin must have one value for each time constant");
+  }
+  mean_newton_per_kelvin_ = std::accumulate(newton_per_kelvin_.begin(), newton_per_kelvin_.end(), 0.0) /
+                            static_cast<double>(newton_per_kelvin_.size());
+  State& s = state_;
+  for (auto* values : {&s.raw, &s.change, &s.correction, &s.rate, &s.force, &s.sum, &s.raw_sum, &s.jumped, &s.lost}) {
+    values->assign(taxels(), 0.0);
+  }
+  untouched_.reserve(taxels());
+  small_.reserve(taxels());
+  work_.reserve(taxels());
+}
+
+double ForceIntegration::advance(const double* charge, double step) {
+  State& s = state_;
+  const LeakageCoefficients& factors = inverse_.advance(charge, step, s.change.data());
+  for (std::size_t taxel = 0; taxel < s.raw.size(); ++taxel) {
+    s.raw[taxel] += s.change[taxel];
+    s.raw_sum[taxel] += s.raw[taxel];
+    s.correction[taxel] += s.rate[taxel] * step;
+    s.force[taxel] = s.raw[taxel] - s.correction[taxel];
+    s.sum[taxel] += s.force[taxel];
+  }
+  if (step <= long_step_) {
+    return 0.0;
+  }
+  // The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed, and the
+  // same for all taxels that jumped at once.
+  double total = 0.0;
+  for (std::size_t taxel = 0; taxel < s.raw.size(); ++taxel) {
+    const double lost = std::abs(s.change[taxel]) * factors.ratio[taxel] / kUniformDeviation;
+    s.jumped[taxel] += lost * lost;
+    s.lost[taxel] = std::hypot(s.lost[taxel], lost);
+    total += lost;
+  }
+  return total;
+}
+
+void ForceIntegration::start_block() {
+  for (auto* values : {&state_.sum, &state_.raw_sum, &state_.jumped}) {
+    std::fill(values->begin(), values->end(), 0.0);
+  }
+}
+
+void ForceIntegration::watch(const Taxels& untouched, const double* small, double share) {
+  for (const Taxel taxel : untouched) {
+    if (taxel < 0 || static_cast<std::size_t>(taxel) >= taxels()) {
+      throw std::invalid_argument("untouched must have indices of taxels");
+    }
+  }
+  untouched_ = untouched;
+  small_.assign(small, small + untouched.size());
+  share_ = share;
+}
+
+void ForceIntegration::follow_untouched() {
+  if (untouched_.empty()) {
+    return;
+  }
+  work_.clear();
+  for (std::size_t index = 0; index < untouched_.size(); ++index) {
+    const auto taxel = static_cast<std::size_t>(untouched_[index]);
+    const double kelvin = (state_.force[taxel] - small_[index]) / newton_per_kelvin_[taxel];
+    if (std::isnan(kelvin)) {  // which has no place in an order
+      shift(kelvin);
+      return;
+    }
+    work_.push_back(kelvin);
+  }
+  shift(share_ * median(work_));
+}
+
+double ForceIntegration::remove_uniform(const bool* ignored, double noticeable, double most) {
+  work_.clear();
+  bool reached = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (!ignored[taxel]) {
+      if (std::isnan(state_.force[taxel])) {
+        return 0.0;
+      }
+      reached = reached || state_.force[taxel] >= noticeable;
+      work_.push_back(state_.force[taxel]);
+    }
+  }
+  if (!reached || work_.size() < kFewestForUniform) {
+    return 0.0;
+  }
+  const auto index = static_cast<std::ptrdiff_t>(kLeastLoaded * static_cast<double>(work_.size()));
+  std::nth_element(work_.begin(), work_.begin() + index, work_.end());
+  const double least = std::min(work_[static_cast<std::size_t>(index)], most);
+  if (!(least > 0.0)) {
+    return 0.0;
+  }
+  shift(least / mean_newton_per_kelvin_);
+  return least;
+}
+
+/// Subtract the signals of a change of the film's temperature by `factor` [K].
+void ForceIntegration::shift(double factor) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double signal = newton_per_kelvin_[taxel] * factor;
+    state_.correction[taxel] += signal;
+    state_.force[taxel] -= signal;
+  }
+}
+
+}  // namespace posfet
