@@ -22,39 +22,18 @@ SURPRISING: Final = 5.0
 """Deviations beyond which an observation counts for no more [1]: a rate that changes is no walk."""
 
 
-class _Intensity:
-    """Intensity of a walk as the mean square of what it explains, at least a given one [K2/s].
-
-    State variables: the mean, and the number of observations.
-    """
-
-    def __init__(self, least: float) -> None:
-        self._least = self._mean = least
-        self._count = 1
-        self.value = least
-        """The intensity, and its standard error, as it must not be too small [K2/s]."""
-
-    def observe(self, square: float, noise: float, per_intensity: float) -> None:
-        """Process a square [K2] with the variance of its noise [K2], and its variance per intensity [s]."""
-        most = SURPRISING * SURPRISING * (self.value * per_intensity + noise)
-        self._count = min(self._count + 1, MEMORY)
-        self._mean += ((min(square, most) - noise) / per_intensity - self._mean) / self._count
-        self._mean = max(self._mean, 0.0)
-        self.value = max(self._mean * (1.0 + math.sqrt(2.0 / self._count)), self._least)
-
-
 class TemperatureWalk:
-    """Random walk of the chip temperature, from differences of the film's.
+    """Random walk of the chip temperature, from third differences of the film's.
 
-    The film follows the chip with the time constant tau. Where the chip walks with the intensity q, its rises over
-    times W that follow each other have the covariances ``r0 = q (W - tau g)``, ``r1 = q tau g^2/2`` and
-    ``r2 = r1 (1 - g)`` with ``g = 1 - exp(-W/tau)``. The variance of second differences of the temperature is
-    ``2 r0 - 2 r1``, of third ones ``6 r0 - 8 r1 + 2 r2``. A constant rate affects neither. One that changes steadily,
-    as at the start of a ramp, affects the second ones: they say how uncertain the temperature is, the third ones how
-    much of it is a walk.
+    Neither a constant rate nor one that changes steadily, as at the start of a ramp, affects them. The film follows the
+    chip with the time constant tau. Where the chip walks with the intensity q, its rises over times W that follow each
+    other have the covariances ``r0 = q (W - tau g)``, ``r1 = q tau g^2/2`` and ``r2 = r1 (1 - g)`` with
+    ``g = 1 - exp(-W/tau)``, and third differences the variance ``6 r0 - 8 r1 + 2 r2``.
 
-    State variables: both intensities, the greatest that was a walk, the last two rates, and the sums of the one that is
-    not complete.
+    What is used is q and its standard error, at least `least`.
+
+    State variables: q, its greatest value, the number of observations, the last two rates, and the sums of the one that
+    is not complete.
 
     Parameters
     ----------
@@ -65,15 +44,12 @@ class TemperatureWalk:
     """
 
     def __init__(self, least: float, film_lag: float) -> None:
-        self._lag = film_lag
-        self._greatest = least * least
-        self._any, self._walk = _Intensity(self._greatest), _Intensity(self._greatest)
+        self._least, self._lag = least * least, film_lag
+        self.intensity = self._least
+        """Variance by which the temperature grows in each second [K2/s]."""
+        self._mean = self._greatest = self._least
+        self._count = 1
         self.pause()
-
-    @property
-    def intensity(self) -> float:
-        """Variance by which the temperature grows in each second, by a walk or by a rate that changes [K2/s]."""
-        return self._any.value
 
     def pause(self) -> None:
         """Forget the temperatures, as the next ones do not follow them."""
@@ -97,26 +73,29 @@ class TemperatureWalk:
         if self._time < LEAST_TIME:
             return
         time, rate = self._time, self._rise / self._time
-        second = (rate - self._rates[1]) * time
-        third = second - (self._rates[1] - self._rates[0]) * time
+        third = (rate - 2.0 * self._rates[1] + self._rates[0]) * time
         self._rates = self._rates[1], rate
         self._rise = self._time = 0.0
-        per_second, per_third = self._shown(time)
-        if not math.isnan(second):
-            self._any.observe(second * second, 6.0 * variance, per_second)
-        if not math.isnan(third):
-            self._walk.observe(third * third, 20.0 * variance, per_third)
+        if math.isnan(third):
+            return
+        per_intensity = self._shown(time)
+        noise = 20.0 * variance
+        most = SURPRISING * SURPRISING * (self.intensity * per_intensity + noise)
+        self._count = min(self._count + 1, MEMORY)
+        self._mean += ((min(third * third, most) - noise) / per_intensity - self._mean) / self._count
+        self._mean = max(self._mean, 0.0)
+        self.intensity = max(self._mean * (1.0 + math.sqrt(2.0 / self._count)), self._least)
 
     def take_growth(self) -> float:
-        """Return by how much the intensity of the walk exceeds the greatest so far [K2/s], which it is from now on."""
-        growth = max(self._walk.value - self._greatest, 0.0)
+        """Return by how much the intensity exceeds the greatest so far [K2/s], which it is from now on."""
+        growth = max(self.intensity - self._greatest, 0.0)
         self._greatest += growth
         return growth
 
-    def _shown(self, time: float) -> tuple[float, float]:
-        """Return the variances of second and third differences over such times, per intensity [s]."""
+    def _shown(self, time: float) -> float:
+        """Return the variance of a third difference over such times, per intensity [s]."""
         if self._lag <= 0.0:
-            return 2.0 * time, 6.0 * time
+            return 6.0 * time
         gone = -math.expm1(-time / self._lag)
-        rise, following = time - self._lag * gone, 0.5 * self._lag * gone * gone
-        return 2.0 * (rise - following), 6.0 * rise - 8.0 * following + 2.0 * following * (1.0 - gone)
+        next_rise = 0.5 * self._lag * gone * gone
+        return 6.0 * (time - self._lag * gone) - 8.0 * next_rise + 2.0 * next_rise * (1.0 - gone)
