@@ -60,7 +60,7 @@ KNOWN_FILM: Final = ErrorPriors(
     lag_least=EXACT,
     lag_spread=EXACT,
     scale=EXACT,
-    reading=RESOLUTION / math.sqrt(12.0),
+    reading=RESOLUTION / math.sqrt(24.0),
     leak_calibrated=EXACT,
     bend=EXACT,
     bend_gradient=EXACT,
@@ -291,9 +291,7 @@ def _signals(
     steady = repeat((0.0, np.full(2, 25.0, np.float32)))
     temperatures = drift.scans(seed, start, sensor.device.thermal_time_constant) if drift else steady
     spread = drift.spread if drift else 0.0
-    # Each array has exactly this spread: coverage would be that of the draw otherwise.
-    unequal = np.random.default_rng([seed, 2]).standard_normal(taxels)
-    per_kelvin = newton_per_kelvin(sensor) * (1.0 + spread * unequal / np.sqrt(np.mean(unequal**2)))
+    per_kelvin = newton_per_kelvin(sensor) * (1.0 + spread * np.random.default_rng([seed, 2]).standard_normal(taxels))
     ratio = 1.0 / RATE / leakage
     mean, decay = -np.expm1(-ratio) / ratio, np.exp(-ratio)
     charge = thermal = np.zeros(taxels)

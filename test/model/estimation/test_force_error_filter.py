@@ -497,21 +497,6 @@ def test_an_admitted_change_is_independent_of_the_errors_of_the_taxels() -> None
     np.testing.assert_array_equal(mine.mean, dense.mean)
 
 
-def test_an_admitted_change_may_have_changed_the_force_errors_with_it() -> None:
-    random = np.random.default_rng(12)
-    belief = random_belief(random, 3, 4)
-    dense, direction, error = as_dense(belief), random.standard_normal(3), random.standard_normal(4)
-    ForceErrorFilter(belief).admit(direction, 0.3, error)
-    for i in range(4):
-        both = np.r_[:3, 3 + OWN * i : 3 + OWN * (i + 1)]
-        at, changed = np.ix_(both, both), np.r_[direction, error[i], np.zeros(OWN - 1)]
-        expected = dense.covariance[at] + 0.3 * np.outer(changed, changed)
-        np.testing.assert_allclose(
-            as_dense(belief).covariance[at], expected, rtol=0, atol=1e-12 * np.abs(expected).max()
-        )
-    np.testing.assert_array_equal(as_dense(belief).mean, dense.mean)
-
-
 def test_integrating_forth_and_back_changes_nothing() -> None:
     random = np.random.default_rng(11)
     belief, leaked = random_belief(random, 3, 4), random.uniform(0.01, 0.3, 4)

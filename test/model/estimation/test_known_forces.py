@@ -245,8 +245,7 @@ def test_a_film_without_pyroelectric_response_tells_nothing() -> None:
     assert explanation(policy, np.full(TAXELS, 0.04)) == 0.0
 
 
-CLAIMED = -0.1
-"""A film that cools looks like a press [K]."""
+CLAIMED = 0.1
 READING = 0.004
 
 
@@ -285,16 +284,10 @@ def test_a_rise_that_the_sensors_contradict_is_refused() -> None:
     assert isinstance(decide(uniform(), -CLAIMED), int)
 
 
-def test_a_rise_is_refused_where_the_sensors_show_much_more_warmth() -> None:
-    """As the rate before was not well known: what the hypothesis hides is the difference."""
-    assert isinstance(decide(uniform(), 0.08, claimed=0.01), int)
-    assert decide(uniform(), -0.08, claimed=-0.05) == "kept"  # nothing pulls
-
-
 def test_a_rise_stays_undecided_while_the_sensors_tell_nothing_of_it() -> None:
     assert decide(uniform(), math.nan) == "open"
-    assert decide(uniform(), 0.0, claimed=-0.9 * UniformChange.DISTINCT * READING) == "open"
-    assert isinstance(decide(uniform(), 0.0, claimed=-1.1 * UniformChange.DISTINCT * READING), int)
+    assert decide(uniform(), 0.0, claimed=0.9 * UniformChange.DISTINCT * READING) == "open"
+    assert isinstance(decide(uniform(), 0.0, claimed=1.1 * UniformChange.DISTINCT * READING), int)
 
 
 def test_a_rise_that_makes_no_difference_is_kept() -> None:

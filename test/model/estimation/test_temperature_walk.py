@@ -49,29 +49,6 @@ def test_a_constant_rate_is_no_walk(rate: float) -> None:
     assert found.intensity == pytest.approx(LEAST**2, rel=0.6)
 
 
-def test_a_rate_that_changes_steadily_is_no_walk() -> None:
-    """As at the start of a ramp of 1 K/s2, whose second differences are those of a walk of 30 mK/sqrt(s)."""
-    found = observed(LEAST, 1.0, 4)
-    for number in range(100):
-        found.observe(1.0 * BLOCK * number * BLOCK, 0.0, BLOCK)
-    assert found.intensity < (4.0 * LEAST) ** 2
-
-
-def test_growth_is_taken_once_and_only_beyond_the_greatest_intensity() -> None:
-    found = observed(LEAST, 2.0, 5)
-    found.take_growth()
-    start = found.intensity
-    for walk in (4e-3, LEAST, 2e-3):
-        random = np.random.default_rng(6)
-        for _ in range(500):
-            found.observe(walk * math.sqrt(BLOCK) * random.standard_normal(), 0.0, BLOCK)
-        growth = found.take_growth()
-        assert (growth > 0.0) == (walk == 4e-3)
-        assert found.take_growth() == 0.0
-        start += growth
-    assert start > 4.0 * LEAST**2
-
-
 def test_one_sudden_change_of_the_rate_counts_for_little() -> None:
     found = observed(LEAST, 10.0, 2)
     before = found.intensity

@@ -161,10 +161,10 @@ def test_a_temperature_sensor_that_fails_leaves_the_force_as_it_was() -> None:
     def total(failing: bool) -> list[tuple[bool, float]]:
         reconstructor, totals = Reconstructor(SENSOR), []
         for time, scan in scans(
-            SENSOR, 2.5, press(1.0, 1.5, 9.0), FINGER, lambda time: 25.0 + 0.3 * max(time - 0.5, 0)
+            SENSOR, 2.5, press(1.0, 1.5, 9.0), FINGER, lambda time: 25.0 + 0.5 * max(time - 0.5, 0)
         ):
             # A reading of 1/256 K, as the sensors have.
-            scan.temperatures[:] = round((25.0 + 0.3 * max(math.floor(time * 10) / 10 - 0.5, 0)) * 256) / 256
+            scan.temperatures[:] = round((25.0 + 0.5 * max(math.floor(time * 10) / 10 - 0.5, 0)) * 256) / 256
             if failing and time >= 0.8:
                 scan.temperatures[1] = math.nan
             result = reconstructor.process(scan)

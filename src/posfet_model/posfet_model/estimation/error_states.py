@@ -138,7 +138,7 @@ class ErrorPriors:
     """Pyroelectric response of one taxel, uncalibrated [1]."""
     pyroelectric_calibrated: float = 0.02
     """The same with calibration [1]."""
-    drift: float = 3e-4
+    drift: float = 2e-4
     """Common drift of the forces at the start, due to the offsets [N/s]."""
     offset_walk: float = 1e-5
     """Random walk of the offset of a signal [N/sqrt(s)]."""

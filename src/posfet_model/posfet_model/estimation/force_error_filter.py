@@ -187,8 +187,8 @@ class ForceErrorFilter:
         self._become(matrix, noise)
         b.shared = after
 
-    def admit(self, direction: Array, variance: float, error: Array | None = None) -> None:
-        """Raise the uncertainty of the shared states, and of the force errors that belong to it.
+    def admit(self, direction: Array, variance: float) -> None:
+        """Raise the uncertainty of the shared states, independently of the taxels' errors.
 
         Parameters
         ----------
@@ -196,19 +196,10 @@ class ForceErrorFilter:
             How the shared states may have changed together.
         variance : float
             Variance of the size of that change [1].
-        error : ndarray of float64, shape [taxels], optional
-            How the force errors changed with them [N]; None: not at all.
         """
-        noise = np.outer(direction, direction) * variance
-        if error is None:
-            self._become(np.eye(len(direction)), noise)
-            return
-        common = np.zeros(self.belief.slope.shape)
-        common[:, 0] = np.multiply.outer(error, direction * variance)
-        self.belief.own[:, 0, 0] += error * error * variance
-        self._become(np.eye(len(direction)), noise, common)
+        self._become(np.eye(len(direction)), np.outer(direction, direction) * variance)
 
-    def _become(self, matrix: Array, noise: Array, common: Array | None = None) -> None:
+    def _become(self, matrix: Array, noise: Array) -> None:
         """Replace the covariance of the shared states, and regress the taxels' errors on the new one.
 
         Parameters
@@ -217,8 +208,6 @@ class ForceErrorFilter:
             Jacobian F of the transition of the shared states.
         noise : ndarray of float64, shape [shared, shared]
             Covariance Q of the noise that they gain.
-        common : ndarray of float64, shape [taxels, own, shared], optional
-            Covariance of that noise with what the taxels' errors gain; None: they gain nothing.
         """
         b = self.belief
         before, slope = b.covariance, b.slope
@@ -227,10 +216,7 @@ class ForceErrorFilter:
         b.covariance = matrix @ before @ matrix.T + noise
         self._root, inverse = _roots(b.covariance)
         self._rooted = b.covariance
-        after = spread @ matrix.T
-        if common is not None:
-            after += common.reshape(after.shape)
-        white = after @ inverse.T
+        white = spread @ matrix.T @ inverse.T
         b.slope = (white @ inverse).reshape(slope.shape)
         # What the noise takes from the regression stays as the taxel's own: each pair of its states.
         white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)

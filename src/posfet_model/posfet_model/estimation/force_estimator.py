@@ -59,7 +59,6 @@ from posfet_model.estimation.settings import (
 )
 from posfet_model.estimation.steady_force import HOP, steady_force
 from posfet_model.estimation.temperature_walk import TemperatureWalk
-from posfet_model.estimation.thermal_charge import ThermalCharge
 from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
@@ -109,6 +108,9 @@ NOTICEABLE: Final = 0.3
 OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT)))
 """Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
 tell nothing of the shared states."""
+
+DRIFTING: Final = np.eye(COUNT)[Shared.DRIFT]
+"""Change of the shared states with the common drift."""
 
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
@@ -161,8 +163,6 @@ class Block:
     """Share of that force that is new [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
-    charge_changed: float
-    """Share by which the charge changed that warmings left at the gates [1]."""
     rate_noise: float
     """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
     before: Belief
@@ -256,7 +256,7 @@ class ForceEstimator:
         self._unobserved, self._leaked = 0, np.zeros(taxels)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
-        self._age, self._thermal_charge = 0.0, ThermalCharge(float(self._tau.mean()))
+        self._age = 0.0
         self._rested = 0.0  # time since a contact was listed [s]
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         scans = self._integration
@@ -509,31 +509,18 @@ class ForceEstimator:
         drift = self._offset() * self._per_second
         change = after.mean - before.mean - after.span * drift
         # What all have in common is the film's temperature.
-        response = self._per_kelvin * (1.0 + self.belief.error[:, 3])
-        kelvin = upper_median((change / response)[usable])
+        kelvin = upper_median((change / self._per_kelvin)[usable])
         change += later.mean - after.mean - later.span * drift
-        warmed = upper_median((change / response)[usable])
-        change -= warmed * response
-        uneven = (warmed * self._per_kelvin) ** 2 * (self.belief.own[:, 3, 3] + self._leak**2)
-        self._jumps.observe(usable, change, after.noise + 0.5 * uneven, after.span)
+        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
+        self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
+        known = self._walk.intensity
         self._walk.observe(kelvin, noise, after.span)
-        if self._unheated is None and (grown := self._walk.take_growth()) > 0.0:
-            self._admit_walk(grown)
+        if (grown := self._walk.intensity - known) > 0.0:
+            # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
+            self._filter.admit(DRIFTING, self._mean_per_kelvin**2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
-
-    def _admit_walk(self, intensity: float) -> None:
-        """Raise the uncertainty of the common drift by a walk [K2/s] that was not expected.
-
-        What it had charged the gates with before the start counted as offset. That offset had an effect until now,
-        which the film's temperature explained, as forces were zero.
-        """
-        drift, per_kelvin = np.zeros(COUNT), self._mean_per_kelvin
-        drift[Shared.DRIFT] = 1.0
-        drift[[Shared.CHIP, Shared.FILM]] = -self._age / per_kelvin
-        variance = per_kelvin**2 * intensity / (2.0 * float(self._tau.mean()))
-        self._filter.admit(drift, variance, self._per_kelvin * (self._age / per_kelvin))
 
     def _observe_steady_force(self) -> None:
         """Update the shared states by a force that has been steady in all stored blocks."""
@@ -632,7 +619,6 @@ class ForceEstimator:
             tail,
             tail_moved,
             own_noise,
-            self._thermal_charge.advance(float(self.belief.shared[Shared.FILM]), span),
             (p.touch_rate**2) * abs(total - before) * max(total, before),
             self.belief.copy(),
         )
@@ -717,8 +703,6 @@ class ForceEstimator:
         if any_true(fresh):
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
-        # A wrong time constant changes the response to a warming while the charge that is left of it changes.
-        own_noise[:, 3, 3] = block.charge_changed * np.maximum(self._leak**2 - belief.own[:, 3, 3], 0.0)
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise

@@ -252,7 +252,6 @@ class UniformChange:
     def __init__(self, newton_per_kelvin: Array, spread: float) -> None:
         self._per_kelvin = newton_per_kelvin
         self._spread = spread
-        self._sign = math.copysign(1.0, float(newton_per_kelvin.mean()))
         self.pause = 0.0
         """Time for which the hypothesis must not be made [s]."""
         self._open = math.nan
@@ -348,8 +347,7 @@ class UniformChange:
         self._open += duration
         wrong = np.count_nonzero(odd & where) > self.MISFITS * np.count_nonzero(where)
         if self._open >= wait:
-            # What the sensors show beyond the claim in the other direction would be a force that pulls.
-            much = (claimed - shown) * self._sign <= (1.0 - self.CONFIRMED) * abs(claimed)
+            much = shown * claimed >= self.CONFIRMED * claimed * claimed
             resolved = math.isfinite(shown) and abs(claimed - shown) > self.DISTINCT * deviation
             wrong |= resolved and not much
             confirmed = much and abs(shown) > self.DISTINCT * deviation

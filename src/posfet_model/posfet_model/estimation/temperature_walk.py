@@ -23,17 +23,12 @@ SURPRISING: Final = 5.0
 
 
 class TemperatureWalk:
-    """Random walk of the chip temperature, from third differences of the film's.
+    """Random walk of the chip temperature, from second differences of the film's, which no constant rate affects.
 
-    Neither a constant rate nor one that changes steadily, as at the start of a ramp, affects them. The film follows the
-    chip with the time constant tau. Where the chip walks with the intensity q, its rises over times W that follow each
-    other have the covariances ``r0 = q (W - tau g)``, ``r1 = q tau g^2/2`` and ``r2 = r1 (1 - g)`` with
-    ``g = 1 - exp(-W/tau)``, and third differences the variance ``6 r0 - 8 r1 + 2 r2``.
+    The film follows the chip with the time constant tau. Where the chip walks with the intensity q, second differences
+    of the film's temperature over times W have the variance ``2 q (W - tau g - tau g^2/2)``, ``g = 1 - exp(-W/tau)``.
 
-    What is used is q and its standard error, at least `least`.
-
-    State variables: q, its greatest value, the number of observations, the last two rates, and the sums of the one that
-    is not complete.
+    State variables: q, the number of observations, and the sums of the one that is not complete.
 
     Parameters
     ----------
@@ -47,13 +42,12 @@ class TemperatureWalk:
         self._least, self._lag = least * least, film_lag
         self.intensity = self._least
         """Variance by which the temperature grows in each second [K2/s]."""
-        self._mean = self._greatest = self._least
         self._count = 1
         self.pause()
 
     def pause(self) -> None:
         """Forget the temperatures, as the next ones do not follow them."""
-        self._rates = (math.nan, math.nan)
+        self._rate = math.nan
         self._rise = self._time = 0.0
 
     def observe(self, rise: float, variance: float, duration: float) -> None:
@@ -72,30 +66,22 @@ class TemperatureWalk:
         self._time += duration
         if self._time < LEAST_TIME:
             return
-        time, rate = self._time, self._rise / self._time
-        third = (rate - 2.0 * self._rates[1] + self._rates[0]) * time
-        self._rates = self._rates[1], rate
+        time, before = self._time, self._rate
+        self._rate = self._rise / time
         self._rise = self._time = 0.0
-        if math.isnan(third):
+        if math.isnan(before):
             return
-        per_intensity = self._shown(time)
-        noise = 20.0 * variance
+        per_intensity = 2.0 * self._shown(time)
+        noise = 6.0 * variance
         most = SURPRISING * SURPRISING * (self.intensity * per_intensity + noise)
+        square = min(((self._rate - before) * time) ** 2, most)
         self._count = min(self._count + 1, MEMORY)
-        self._mean += ((min(third * third, most) - noise) / per_intensity - self._mean) / self._count
-        self._mean = max(self._mean, 0.0)
-        self.intensity = max(self._mean * (1.0 + math.sqrt(2.0 / self._count)), self._least)
-
-    def take_growth(self) -> float:
-        """Return by how much the intensity exceeds the greatest so far [K2/s], which it is from now on."""
-        growth = max(self.intensity - self._greatest, 0.0)
-        self._greatest += growth
-        return growth
+        self.intensity += ((square - noise) / per_intensity - self.intensity) / self._count
+        self.intensity = max(self.intensity, self._least)
 
     def _shown(self, time: float) -> float:
-        """Return the variance of a third difference over such times, per intensity [s]."""
+        """Return the time for which the film shows the walk of the chip within a time [s]."""
         if self._lag <= 0.0:
-            return 6.0 * time
+            return time
         gone = -math.expm1(-time / self._lag)
-        next_rise = 0.5 * self._lag * gone * gone
-        return 6.0 * (time - self._lag * gone) - 8.0 * next_rise + 2.0 * next_rise * (1.0 - gone)
+        return time - self._lag * gone * (1.0 + 0.5 * gone)
