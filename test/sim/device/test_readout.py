@@ -18,7 +18,7 @@ import pytest
 
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.device.error_model import ErrorModel
-from posfet_sim.device.readout import Readout
+from posfet_sim.device.readout import BLOCK, Readout
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_variation import TaxelParameters, TaxelStatus, draw_taxel_parameters
 
@@ -178,7 +178,7 @@ def noisy(seed: int, blocks: int = 30, **errors: Any) -> np.ndarray:
     """Return the codes [V] of many scans without charge, in calls of one block."""
     described = replace(sensor(), adc=replace(sensor().adc, noise=2e-3))
     readout = made(described, seed, **errors)
-    size = readout.block
+    size = BLOCK
     codes = [readout.counts(number * size, np.zeros((size, TAXELS))).copy() for number in range(blocks)]
     return np.concatenate(codes) * (10.0 / 65535) - 5.0
 
@@ -219,9 +219,14 @@ def test_hum_is_a_sine_of_each_taxels_amplitude_in_step_with_the_clock() -> None
     np.testing.assert_allclose(codes * (10.0 / 65535) - 5.0, expected, rtol=0, atol=1e-4)
 
 
-def test_blocks_are_shorter_for_a_large_array() -> None:
-    assert made().block == 64
-    layout = replace(SENSOR.layout, rows=32, cols=32)
-    large = replace(sensor(), layout=layout)
-    clock = SampleClock(SENSOR.can.scan_rate, 0.0, 0.0, 0)
-    assert Readout(large, NOTHING, draw_taxel_parameters(large, NOTHING, 0), clock, 0).block == 16
+def test_a_large_array_has_noise_of_the_same_size_from_a_table() -> None:
+    described = replace(
+        sensor(), adc=replace(sensor().adc, noise=2e-3), layout=replace(SENSOR.layout, rows=32, cols=32)
+    )
+    model = replace(NOTHING, adc_noise=True)
+    taxels = replace(draw_taxel_parameters(described, model, 0), offset=np.zeros(1024))
+    readout = Readout(described, model, taxels, SampleClock(SENSOR.can.scan_rate, 0.0, 0.0, 0), 1)
+    codes = np.concatenate([readout.counts(BLOCK * number, np.zeros((BLOCK, 0))) for number in range(8)])
+    found = codes * (10.0 / 65535) - 5.0
+    assert found.std() == pytest.approx(2e-3, rel=0.01)
+    assert found.mean() == pytest.approx(0.0, abs=1e-5)

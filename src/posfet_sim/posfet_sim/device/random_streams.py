@@ -17,6 +17,7 @@ import numpy as np
 class Stream(IntEnum):
     """Purpose of random numbers. Each has its own stream, so that switching one error off leaves the others alone."""
 
+    WHITE_TABLE = 0
     WHITE = 1
     JITTER = 2
     HUM = 3

@@ -32,12 +32,14 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.flicker_noise import FlickerNoise
 from posfet_sim.device.interference import Interference
 from posfet_sim.device.mains_hum import MainsHum
-from posfet_sim.device.random_streams import Stream, generator
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_variation import TaxelParameters, TaxelStatus
+from posfet_sim.device.white_noise import DrawnNoise, TabulatedNoise
 
+BLOCK: Final = 64
+"""Scans whose noise, and whose codes without charge, are computed at once."""
 SMALL_ARRAY: Final = 512
-"""Number of taxels up to which a block has 64 scans; else 16."""
+"""Number of taxels up to which every number of the white noise is drawn; above, it is read from a table."""
 
 
 class Readout:
@@ -93,9 +95,8 @@ class Readout:
         margin = 40 * self._white_lsb.max()
         self._clips = self._rails[0] < margin or self._rails[1] > self._top - margin
         self._flicker_lsb = math.sqrt(flicker) / self._lsb
-        self.block = 64 if taxels <= SMALL_ARRAY else 16
-        """Number of scans of a block."""
-        self._flicker = FlickerNoise(seed, taxels, self.block) if flicker else None
+        self._noise = (DrawnNoise if taxels <= SMALL_ARRAY else TabulatedNoise)(seed, BLOCK, taxels)
+        self._flicker = FlickerNoise(seed, taxels, BLOCK) if flicker else None
         self._delay: Array | None = None
         self._hum: MainsHum | None = None
         self._interference: Interference | None = None
@@ -104,7 +105,7 @@ class Readout:
         self._number = -1  # of the block that is stored
         self._white: Array | None = None
         self._slow: Array | None = None
-        self._unloaded_codes = np.zeros((self.block, taxels), np.uint16)
+        self._unloaded_codes = np.zeros((BLOCK, taxels), np.uint16)
         self._shape = sensor.layout.rows, sensor.layout.cols
         self._neighbours = neighbour_table(sensor.layout, EDGE_NEIGHBOURS)
         self.active = np.arange(0)
@@ -208,7 +209,7 @@ class Readout:
         numpy.ndarray
             Codes on the 16-bit scale, shape [scans, rows * cols].
         """
-        number, row = divmod(first, self.block)
+        number, row = divmod(first, BLOCK)
         if number != self._number:
             self._start_block(number)
         scans = slice(row, row + len(outputs))
@@ -260,25 +261,24 @@ class Readout:
     def _start_block(self, number: int) -> None:
         """Draw the noise of a block, and convert the unloaded array."""
         self._number = number
-        first, taxels = number * self.block, self._unloaded.size
+        first, taxels = number * BLOCK, self._unloaded.size
         if self._white_lsb.any():
-            self._white = generator(self._seed, Stream.WHITE, number).standard_normal((self.block, taxels))
-            self._white *= self._white_lsb
+            self._white = self._noise.block(number, self._white_lsb)
         weights, rows = [], []
         if self._flicker:
             weights.append(self._flicker.weights * self._flicker_lsb)
             rows.append(self._flicker.rows(number))
         if self._hum:
-            weights.append(self._hum.weights(self._clock.times(first, self.block)))
+            weights.append(self._hum.weights(self._clock.times(first, BLOCK)))
             rows.append(self._hum.rows)
-        unloaded = np.tile(self._unloaded, (self.block, 1))
+        unloaded = np.tile(self._unloaded, (BLOCK, 1))
         if rows:
             self._slow = np.concatenate(weights, axis=1) @ np.concatenate(rows)
         if self._interference:
             if not rows:
-                self._slow = np.zeros((self.block, taxels))
+                self._slow = np.zeros((BLOCK, taxels))
             assert self._slow is not None
-            self._interference.add(self._slow, number, self._clock.times(first, self.block), self._lsb)
+            self._interference.add(self._slow, number, self._clock.times(first, BLOCK), self._lsb)
         if self._slow is not None:
             unloaded += self._slow
         self._unloaded_codes = self._with_stuck(self._convert(unloaded, self._white))

@@ -23,7 +23,7 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.film import Film, chip_warming
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.device.readout import Readout
+from posfet_sim.device.readout import BLOCK, Readout
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_charge import TaxelCharge
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
@@ -90,9 +90,9 @@ class SimulatedBoard:
 
     Only what the loads require is computed. Taxels without charge are inactive and cost only their conversion. While
     the loads are constant, the charge is advanced in one step when it is next read, and after its decay (30 time
-    constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 of a small array under
-    constant loads): the first one of a batch takes the time, or `prepare` before it. Loads that are `live` are never
-    asked for the time of a scan before that is read.
+    constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 under constant
+    loads): the first one of a batch takes the time, or `prepare` before it. Loads that are `live` are never asked for
+    the time of a scan before that is read.
 
     A film with effects of its own (`ErrorModel.film`) never rests: every taxel is computed in every scan.
 
@@ -317,12 +317,12 @@ class SimulatedBoard:
 
     def _compute(self, index: int) -> _Batch:
         """Advance to scan `index` and, when scans are read consecutively, to more scans after it."""
-        constant, block = index <= self._constant_end, self._readout.block
-        limit = MAX_BATCH if self._charge.active.size or not constant else block
+        constant = index <= self._constant_end
+        limit = MAX_BATCH if self._charge.active.size or not constant else BLOCK
         alone = self._compute_all or self.loads.live or index != self._next.last + 1
         self._batch = 1 if alone else min(2 * self._batch, limit)
         self._approach(index)
-        last = min(index + self._batch, (index // block + 1) * block) - 1
+        last = min(index + self._batch, (index // BLOCK + 1) * BLOCK) - 1
         return self._hold(index, min(last, self._constant_end)) if constant else self._advance(index, last)
 
     def _approach(self, index: int) -> None:
