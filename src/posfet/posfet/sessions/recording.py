@@ -16,10 +16,9 @@ from typing import Final
 
 from posfet.sessions.frames import GroundTruth
 from posfet_model.sensor.scan import Scan
-from posfet_sim.recording.cdr import serialise
 from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.message_definitions import schema_text
-from posfet_sim.recording.recorders import RAW, TRUTH, raw_values, truth_values
+from posfet_sim.recording.scan_messages import RAW, TRUTH, ScanMessage, TruthMessage
 
 NAMESPACE: Final = "tactile"
 """Namespace of the topics."""
@@ -45,6 +44,7 @@ def write_scans(path: Path, scans: Iterable[tuple[Scan, GroundTruth | None]], ro
         The file cannot be written, or a package is missing; one line.
     """
     schemas = {name: schema_text(name) for name in (RAW, TRUTH)}
+    scan_message, truth_message = ScanMessage(rows, cols), TruthMessage(rows, cols)
     count = 0
     file = MessageFile(path, "posfet")
     try:
@@ -52,12 +52,12 @@ def write_scans(path: Path, scans: Iterable[tuple[Scan, GroundTruth | None]], ro
         true: int | None = None
         for scan, truth in scans:
             count += 1
-            file.add(raw, scan.stamp, serialise(RAW, raw_values(scan, rows, cols)), scan.sequence)
+            file.add(raw, scan.stamp, scan_message.fill(scan), scan.sequence)
             if truth is not None:
                 if true is None:
                     true = file.add_topic(f"/{NAMESPACE}/truth", TRUTH, schemas[TRUTH])
                 flat = replace(truth, force=truth.force.ravel(), taxel_status=truth.taxel_status.ravel())
-                file.add(true, scan.stamp, serialise(TRUTH, truth_values(flat, scan, rows, cols)), scan.sequence)
+                file.add(true, scan.stamp, truth_message.fill(flat, scan), scan.sequence)
     finally:
         file.close()
     return count

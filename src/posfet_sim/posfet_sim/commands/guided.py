@@ -27,10 +27,9 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.calibration.bench_recording import last_force
 from posfet_sim.calibration.guide import Guide
-from posfet_sim.recording.cdr import serialise
 from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.message_definitions import schema_text
-from posfet_sim.recording.recorders import RAW, raw_values
+from posfet_sim.recording.scan_messages import RAW, ScanMessage
 
 READ_TIMEOUT: Final = 0.2
 """Longest wait for a scan [s]."""
@@ -114,16 +113,14 @@ def run(
     ConfigError
         A file cannot be written, or the user ended; one line.
     """
-    guide, layout, count = Guide(sensor), sensor.layout, 0
+    guide, message, count = Guide(sensor), ScanMessage(sensor.layout.rows, sensor.layout.cols), 0
     file = MessageFile(recording, "posfet calibrate")
     try:
         topic = file.add_topic("/tactile/raw", RAW, schema_text(RAW))
         with _display() as show:
             for scan in scans:
                 if scan is not None:
-                    file.add(
-                        topic, scan.stamp, serialise(RAW, raw_values(scan, layout.rows, layout.cols)), scan.sequence
-                    )
+                    file.add(topic, scan.stamp, message.fill(scan), scan.sequence)
                     guide.add(scan)
                     count += 1
                 if count % SHOW_EVERY == 0 or scan is None:

@@ -19,6 +19,7 @@ from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from posfet_sim.recording.message_definitions import message_fields
 from posfet_sim.recording.ros2msg import Field
@@ -67,7 +68,52 @@ def serialise(name: str, values: Mapping[str, Any]) -> bytes:
     return ENCODING + bytes(buffer)
 
 
-def _write_message(buffer: bytearray, name: str, values: Mapping[str, Any]) -> None:
+class PreparedMessage:
+    """A serialised message whose numbers are overwritten in place, for many messages of equal lengths.
+
+    Parameters
+    ----------
+    name : str
+        Type of the message, package/Name.
+    values : mapping of str to Any
+        Every field, as for `serialise`: with the lengths and texts of all messages.
+
+    Raises
+    ------
+    ValueError
+        A field is missing or unknown.
+    """
+
+    def __init__(self, name: str, values: Mapping[str, Any]) -> None:
+        buffer = bytearray()
+        self._ends: dict[str, int] = {}
+        _write_message(buffer, name, values, self._ends)
+        self._buffer = bytearray(ENCODING) + buffer
+
+    def numbers(self, field: str, dtype: str, count: int) -> NDArray[Any]:
+        """Return the last numbers of a field as an array to write to.
+
+        Parameters
+        ----------
+        field : str
+            Name of a field of the message, or of one in it, as header.stamp.
+        dtype : str
+            Little-endian type of the numbers, such as "<f4".
+        count : int
+            Number of numbers; they follow each other without gaps.
+        """
+        size = np.dtype(dtype).itemsize * count
+        return np.frombuffer(self._buffer, dtype, count, len(ENCODING) + self._ends[field] - size)
+
+    def data(self) -> bytes:
+        """Return the message with its encoding header."""
+        return bytes(self._buffer)
+
+
+def _write_message(
+    buffer: bytearray, name: str, values: Mapping[str, Any], ends: dict[str, int] | None = None, within: str = ""
+) -> None:
+    """Append a message; `ends` receives where each field ends, also those of messages in it, as header.stamp."""
     known = message_fields(name)
     if values.keys() != _names(name):
         names = ", ".join(field.name for field in known)
@@ -76,7 +122,9 @@ def _write_message(buffer: bytearray, name: str, values: Mapping[str, Any]) -> N
         if field.many:
             _write_sequence(buffer, field, values[field.name])
         else:
-            _write_one(buffer, field.type, values[field.name])
+            _write_one(buffer, field.type, values[field.name], ends, f"{within}{field.name}.")
+        if ends is not None:
+            ends[within + field.name] = len(buffer)
 
 
 @lru_cache
@@ -102,7 +150,7 @@ def _write_sequence(buffer: bytearray, field: Field, values: Any) -> None:
         _write_one(buffer, field.type, value)
 
 
-def _write_one(buffer: bytearray, kind: str, value: Any) -> None:
+def _write_one(buffer: bytearray, kind: str, value: Any, ends: dict[str, int] | None = None, within: str = "") -> None:
     packer = _STRUCTS.get(kind)
     if packer is not None:
         _align(buffer, packer.size)
@@ -112,7 +160,7 @@ def _write_one(buffer: bytearray, kind: str, value: Any) -> None:
         _align(buffer, 4)
         buffer += _LENGTH.pack(len(data)) + data
     else:
-        _write_message(buffer, kind, value)
+        _write_message(buffer, kind, value, ends, within)
 
 
 def _align(buffer: bytearray, size: int) -> None:

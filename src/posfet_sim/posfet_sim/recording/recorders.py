@@ -12,56 +12,16 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final, Protocol
 
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_sim.device.ground_truth import Truth, truth_columns, truth_row
-from posfet_sim.loads import ObjectsState
-from posfet_sim.recording.cdr import serialise
 from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.message_definitions import schema_text
-
-FRAME_ID: Final = "posfet_array"
-"""Frame of the messages."""
-RAW: Final = "posfet_msgs/TactileRaw"
-"""Type of the scans."""
-TRUTH: Final = "posfet_msgs/TactileTruth"
-"""Type of the ground truth."""
-
-
-class TrueState(Protocol):
-    """What is recorded of a ground truth, as in `Truth`."""
-
-    @property
-    def force(self) -> NDArray[np.float64]:
-        """Force on each taxel [N], shape [rows * cols]."""
-        ...
-
-    @property
-    def taxel_status(self) -> NDArray[np.uint8]:
-        """Fault of each taxel, shape [rows * cols]."""
-        ...
-
-    @property
-    def chip_temperature(self) -> float:
-        """Temperature of the chip [degC]."""
-        ...
-
-    @property
-    def film_temperature(self) -> float:
-        """Temperature of the film [degC]."""
-        ...
-
-    @property
-    def objects(self) -> ObjectsState:
-        """Poses and contacts of the objects."""
-        ...
+from posfet_sim.recording.scan_messages import RAW, TRUTH, ScanMessage, TruthMessage
 
 
 class Recorder(Protocol):
@@ -108,19 +68,16 @@ class McapRecorder:
 
     def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
         schemas = {name: schema_text(name) for name in (RAW, TRUTH)}
-        self._layout = sensor.layout
+        layout = sensor.layout
+        self._scan, self._truth = ScanMessage(layout.rows, layout.cols), TruthMessage(layout.rows, layout.cols)
         self._file = MessageFile(path, "posfet sim", overwrite=True)
-        self._topics = {
-            name: self._file.add_topic(f"/{namespace}/{topic}", name, schemas[name])
-            for topic, name in (("raw", RAW), ("truth", TRUTH))
-        }
+        self._scans = self._file.add_topic(f"/{namespace}/raw", RAW, schemas[RAW])
+        self._truths = self._file.add_topic(f"/{namespace}/truth", TRUTH, schemas[TRUTH])
 
     def write(self, scan: Scan, truth: Truth) -> None:
         """Write one scan and its ground truth."""
-        messages = {RAW: raw_values(scan, self._layout.rows, self._layout.cols)}
-        messages[TRUTH] = truth_values(truth, scan, self._layout.rows, self._layout.cols)
-        for name, values in messages.items():
-            self._file.add(self._topics[name], scan.stamp, serialise(name, values), scan.sequence)
+        self._file.add(self._scans, scan.stamp, self._scan.fill(scan), scan.sequence)
+        self._file.add(self._truths, scan.stamp, self._truth.fill(truth, scan), scan.sequence)
 
     def close(self) -> None:
         """Finish the file."""
@@ -160,79 +117,6 @@ class CsvRecorder:
     def close(self) -> None:
         """Finish the file."""
         self._stream.close()
-
-
-def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileRaw.
-
-    Parameters
-    ----------
-    scan : Scan
-        The scan.
-    rows : int
-        Rows of the array.
-    cols : int
-        Columns of the array.
-    """
-    return {
-        "header": _header(scan.stamp),
-        "layout_id": scan.layout_id,
-        "sequence": scan.sequence,
-        "device_time": scan.device_time,
-        "rows": rows,
-        "cols": cols,
-        "counts": scan.counts,
-        "temperatures": scan.temperatures,
-        "status": int(scan.status),
-        "frames_lost": scan.frames_lost,
-        "stamp_uncertainty": scan.stamp_uncertainty,
-    }
-
-
-def truth_values(truth: TrueState, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileTruth for a scan and its ground truth.
-
-    Parameters
-    ----------
-    truth : TrueState
-        Ground truth of the scan.
-    scan : Scan
-        The scan.
-    rows : int
-        Rows of the array.
-    cols : int
-        Columns of the array.
-    """
-    objects = truth.objects
-    return {
-        "header": _header(scan.stamp),
-        "layout_id": scan.layout_id,
-        "sequence": scan.sequence,
-        "rows": rows,
-        "cols": cols,
-        "force": truth.force,
-        "status": truth.taxel_status,
-        "temperature": truth.film_temperature,
-        "chip_temperature": truth.chip_temperature,
-        "objects": objects.names,
-        "poses": [
-            {"position": _named("xyz", position), "orientation": _named("xyzw", orientation)}
-            for position, orientation in zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
-        ],
-        "contact_objects": objects.contact_objects,
-        "contact_centres": [_named("xyz", (*centre, 0.0)) for centre in objects.contact_centres.tolist()],
-        "contact_normals": [_named("xyz", normal) for normal in objects.contact_normals.tolist()],
-        "contact_forces": objects.contact_forces,
-    }
-
-
-def _header(stamp: int) -> dict[str, Any]:
-    seconds, nanoseconds = divmod(stamp, NANOSECONDS)
-    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": FRAME_ID}
-
-
-def _named(names: str, values: Any) -> dict[str, float]:
-    return dict(zip(names, values, strict=True))
 
 
 FORMATS: Final = (".mcap", ".csv")

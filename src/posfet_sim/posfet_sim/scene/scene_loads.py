@@ -76,11 +76,13 @@ class SceneLoads:
         touching = [index for index, state in enumerate(states) if state.force > 0]
         return ObjectsState(
             names=tuple(item.name for item in scene.objects),
-            positions=np.reshape([pose[0] for pose in poses], (-1, 3)),
-            orientations=np.reshape([pose[1] for pose in poses], (-1, 4)),
+            positions=np.array([pose[0] for pose in poses], np.float64).reshape(-1, 3),
+            orientations=np.array([pose[1] for pose in poses], np.float64).reshape(-1, 4),
             contact_objects=np.array(touching, np.intp),
-            contact_centres=np.reshape([(states[index].x, states[index].y) for index in touching], (-1, 2)),
-            contact_normals=np.reshape([poses[index][2] for index in touching], (-1, 3)),
+            contact_centres=np.array([(states[index].x, states[index].y) for index in touching], np.float64).reshape(
+                -1, 2
+            ),
+            contact_normals=np.array([poses[index][2] for index in touching], np.float64).reshape(-1, 3),
             contact_forces=np.array([states[index].force for index in touching], np.float64),
         )
 
