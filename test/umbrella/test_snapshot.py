@@ -13,10 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
+from posfet.lines import Lines
 from posfet.snapshot import ContactView, Record, ScanCount, Snapshot, TrueContact, line
-from posfet.terminal.screen import Screen
 
 TOUCH = ContactView(7, "held", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5)
 SNAPSHOT = Snapshot(
@@ -92,14 +91,14 @@ class Replay:
 
 
 def test_without_a_terminal_one_line_per_second_is_printed() -> None:
-    console = Console(file=io.StringIO(), width=200)
+    stream = io.StringIO()
     later = [replace(SNAPSHOT, time=10.0 + step / 4, scans=1000 + 250 * step) for step in range(13)]
-    with Screen(Replay(None, *later), console=console) as screen:
+    with Lines(Replay(None, *later), stream) as lines:
         for step in range(14):
-            screen.update(100.0 + step / 4)
-    lines = console.file.getvalue().splitlines()
-    assert [text.split()[0] for text in lines] == ["1.0", "2.0", "3.0"]
-    assert all("1000 scans/s" in text for text in lines)
+            lines.update(100.0 + step / 4)
+    printed = stream.getvalue().splitlines()
+    assert [text.split()[0] for text in printed] == ["1.0", "2.0", "3.0"]
+    assert all("1000 scans/s" in text for text in printed)
 
 
 def test_the_count_of_scans_never_falls_though_losses_are_reported_late() -> None:

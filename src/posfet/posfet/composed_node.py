@@ -18,11 +18,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from posfet.display_loop import show
+from posfet.display_loop import display, show
 from posfet.graph import NodeSpec
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
-from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
 from posfet.web.recording import Recording
 from posfet.web.viewed import Viewed
@@ -186,7 +185,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
         client = StackClient(specs[0].namespace, specs[0].ros_words)
         stack.callback(client.destroy_node)
         link = served_link(stack, [Viewed(client, graph, Recording(client.namespace))], web_port)
-        with Screen(graph, client, link) as screen:
+        with display(graph, client, link) as screen:
             graph.start()
             return show(screen, [*graph, client], seconds, graph.state, lambda: graph.finished)
     return 0

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Run nodes, update the display meanwhile, and print the summary at the end."""
+"""Choose the display, run nodes, update it meanwhile, and print the summary at the end."""
 
 from __future__ import annotations
 
@@ -16,14 +16,35 @@ from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 
-from posfet.terminal.screen import Screen
+from posfet.lines import Lines
+from posfet.snapshot import SnapshotSource
+from posfet.web.viewed import Client
 from posfet_model.ros.run_node import spin
 
 NO_SCAN = 1
 
 
+def display(source: SnapshotSource, client: Client, link: str = "") -> Lines:
+    """Return the live display in a terminal, lines elsewhere.
+
+    Parameters
+    ----------
+    source : SnapshotSource
+        Source of the snapshots.
+    client : Client
+        Description, diagnostics and services of the stack.
+    link : str, optional
+        Link to the browser view.
+    """
+    if not sys.stdout.isatty():
+        return Lines(source)
+    from posfet.terminal.screen import Screen  # noqa: PLC0415  # rich takes a tenth of the start
+
+    return Screen(source, client, link)
+
+
 def show(
-    screen: Screen,
+    screen: Lines,
     nodes: Sequence[Node],
     seconds: float,
     state: Callable[[], str],
@@ -33,7 +54,7 @@ def show(
 
     Parameters
     ----------
-    screen : Screen
+    screen : Lines
         Display to update.
     nodes : sequence of Node
         Nodes to spin.

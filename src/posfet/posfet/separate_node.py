@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from posfet.display_loop import show
+from posfet.display_loop import display, show
 from posfet.graph import NodeSpec
 from posfet.processes import Processes
 from posfet.stack_client import StackClient
-from posfet.terminal.screen import Screen
 from posfet.view_node import ViewNode
 from posfet.web.link import served_link
 from posfet.web.recording import Recording
@@ -44,7 +43,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
         view = ViewNode(client, specs[0].ros_words)
         stack.callback(view.destroy_node)
         link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)
-        with Processes(specs) as processes, Screen(view, client, link) as screen:
+        with Processes(specs) as processes, display(view, client, link) as screen:
             code = show(screen, [client], seconds, view.state, stop=processes.ended)
             return processes.exit_code() or code
     return 0

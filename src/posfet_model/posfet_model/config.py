@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from posfet_model import files
-from posfet_model._lib.shown import one_line, shown
-from posfet_model._lib.validation import interval
+from posfet_model._lib.shown import interval, one_line, shown
 from posfet_model.plain_yaml import YamlError, parse
 
 

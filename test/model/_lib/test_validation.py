@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posfet_model._lib.validation import common_dtype, instance, interval, real_array, real_number, whole_number
+from posfet_model._lib.shown import interval
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number, whole_number
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Display snapshots: a live display with keys in a terminal, one line per second elsewhere."""
+"""Display snapshots in a terminal: a live display with keys."""
 
 from __future__ import annotations
 
 import math
-import sys
 import time
 from contextlib import ExitStack
 from typing import Final
@@ -21,26 +20,21 @@ from rich.live import Live
 from rich.text import Text
 
 from posfet.colour_scale import nice_scale
-from posfet.snapshot import Record, Snapshot, SnapshotSource, line
+from posfet.lines import Lines
+from posfet.snapshot import Snapshot, SnapshotSource
 from posfet.terminal.force_history import LEAST_SCALE, ForceHistory
 from posfet.terminal.keys import TerminalKeys
 from posfet.terminal.live_display import Shown, render
 from posfet.terminal.log_capture import LogCapture
 from posfet.web.viewed import Client
 
-DISPLAY_PERIOD = 0.1
-"""Period of the live display [s]."""
-LINE_PERIOD = 1.0
-"""Period of the lines [s]."""
-RATE_WINDOW = 10
-"""Number of snapshots over which the displayed scan rate is averaged."""
 ANSWER_SHOWN = 8.0
 """Time for which the answer to a key is shown [s]."""
 KEYS: Final = "q quit  p pause  t tare"
 
 
-class Screen:
-    """Live display or lines; a context manager that restores the terminal.
+class Screen(Lines):
+    """Live display; a context manager that restores the terminal.
 
     Parameters
     ----------
@@ -57,74 +51,42 @@ class Screen:
     def __init__(
         self, source: SnapshotSource, client: Client | None = None, link: str = "", console: Console | None = None
     ) -> None:
-        self._source, self._client, self._link = source, client, link
+        super().__init__(source)
+        self._client, self._link = client, link
         self._console = console or Console()
         self._live: Live | None = None
         self._stack = ExitStack()
         self._keys, self._log = TerminalKeys(), LogCapture()
-        self._next = 0.0
-        self._next_line = LINE_PERIOD
-        self._rates: list[float] = []
         self._history = ForceHistory()
         self._full_scale = LEAST_SCALE
         self._newest = ((-1, -1), 0.0)  # sequence and number of the newest scan, and when it was seen [s]
         self._answer = ("", 0.0)  # to a key, and until when it is shown [s]
         self._frozen: Snapshot | None = None
-        self.quit = False
-        """Whether the user wants to quit."""
-        self.record = Record()
 
     def __enter__(self) -> Screen:
-        if self._console.is_terminal:
-            waiting = Text("waiting for the first scan ...")
-            self._stack.enter_context(self._log)
-            self._stack.enter_context(self._keys)
-            self._live = Live(waiting, console=self._console, screen=True, auto_refresh=False)
-            self._stack.enter_context(self._live)
+        waiting = Text("waiting for the first scan ...")
+        self._stack.enter_context(self._log)
+        self._stack.enter_context(self._keys)
+        self._live = Live(waiting, console=self._console, screen=True, auto_refresh=False)
+        self._stack.enter_context(self._live)
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Restore the terminal; may be called twice."""
         self._live = None
         self._stack.close()
-        sys.stdout.flush()
+        super().close()
 
-    def update(self, now: float | None = None) -> None:
-        """Update the display if it is due; `now` is a monotonic time [s]. Cheap to call often."""
-        now = time.monotonic() if now is None else now
-        if now < self._next:
-            return
-        self._next = now + DISPLAY_PERIOD
+    def _react(self) -> None:
         for key in self._keys.pressed():
-            self._react(key)
+            if key == "q":
+                self.quit = True
+            elif key in "p ":
+                self._frozen = None if self._frozen else self.record.last
+            elif key == "t" and self._client:
+                self._say("tare ...")
+                self._client.request("tare", False, lambda _, text: self._say(f"tare: {text}"))
         self._log.update()
-        snapshot = self._source.snapshot()
-        if snapshot is None:
-            self._wait()
-            return
-        scan_rate = self.record.add(snapshot)
-        self._rates = [*self._rates, scan_rate][-RATE_WINDOW:]
-        known = [value for value in self._rates if not math.isnan(value)]
-        mean_rate = sum(known) / len(known) if known else math.nan
-        if self._live:
-            self._show(self._live, snapshot, mean_rate)
-        elif self.record.first and self._line_is_due(snapshot.time - self.record.first.time):
-            self._console.print(
-                line(snapshot, snapshot.time - self.record.first.time, mean_rate), soft_wrap=True, highlight=False
-            )
-
-    def _react(self, key: str) -> None:
-        """Do what a key asks for."""
-        if key == "q":
-            self.quit = True
-        elif key in "p ":
-            self._frozen = None if self._frozen else self.record.last
-        elif key == "t" and self._client:
-            self._say("tare ...")
-            self._client.request("tare", False, lambda _, text: self._say(f"tare: {text}"))
 
     def _say(self, text: str) -> None:
         self._answer = text, time.monotonic() + ANSWER_SHOWN
@@ -135,12 +97,13 @@ class Screen:
         return text if time.monotonic() < until else self._log.newest
 
     def _wait(self) -> None:
-        """Show that no scan has arrived yet."""
         if self._live:
             words = ["waiting for the first scan ...", self._message(), f"{KEYS}  {self._link}"]
             self._live.update(Text("\n".join(words), no_wrap=True, overflow="ellipsis"), refresh=True)
 
-    def _show(self, live: Live, snapshot: Snapshot, scan_rate: float) -> None:
+    def _show(self, snapshot: Snapshot, scan_rate: float) -> None:
+        if self._live is None:
+            return
         if (snapshot.sequence, snapshot.scans) != self._newest[0]:
             self._newest = (snapshot.sequence, snapshot.scans), snapshot.time
         self._history.add(snapshot.time, snapshot.total_force if snapshot.data_valid else math.nan)
@@ -162,7 +125,7 @@ class Screen:
             link=self._link,
         )
         width, height = self._console.size
-        live.update(render(display, width, height, not self._console.no_color), refresh=True)
+        self._live.update(render(display, width, height, not self._console.no_color), refresh=True)
 
     def _advice(self) -> str:
         """Return what the model says about its state; '' before its first report."""
@@ -170,9 +133,3 @@ class Screen:
             return ""
         said = (each.text for name, each in self._client.diagnoses.items() if name.endswith("reconstruction"))
         return next(said, "")
-
-    def _line_is_due(self, elapsed: float) -> bool:
-        if elapsed < self._next_line:
-            return False
-        self._next_line = (math.floor(elapsed / LINE_PERIOD) + 1) * LINE_PERIOD
-        return True

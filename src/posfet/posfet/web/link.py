@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Final
 
 from posfet.private_folder import private_folder
-from posfet.web.server import ADDRESS, WebServer
 from posfet.web.viewed import Viewed
 from posfet_model.config import ConfigError, read_text
 from posfet_sim.scene import SCENE_FOLDER
@@ -53,6 +52,8 @@ def served(sensors: Sequence[Viewed], scenes: Sequence[str] = (), port: int = 0)
     ConfigError
         One line, if the port is in use.
     """
+    from posfet.web.server import ADDRESS, WebServer  # noqa: PLC0415  # a start without a page needs no HTTP
+
     path = private_folder() / f"web-{'+'.join(each.client.namespace for each in sensors).replace('/', '-')[:100]}.json"
     last_port, token = _remembered(path)
     try:

@@ -5,10 +5,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Values from outside in messages: always short and in one line, and never made at their full size."""
+"""Values from outside in messages: always short and in one line, and never made at their full size; ranges."""
 
 from __future__ import annotations
 
+import math
 from reprlib import Repr
 from typing import Final
 
@@ -56,3 +57,20 @@ def one_line(text: str, limit: int = MAX_LINE) -> str:
     """
     cut = text if len(text) <= limit else f"{text[: limit - 3]}..."
     return cut if cut.isprintable() else repr(cut)[1:-1]
+
+
+def interval(low: float, high: float, exclusive: bool = False) -> str:
+    """Return the notation of an interval: closed ends in brackets, open and infinite ends in parentheses.
+
+    Parameters
+    ----------
+    low : float
+        Lower end of the range.
+    high : float
+        Upper end of the range.
+    exclusive : bool, optional
+        Whether the ends are excluded.
+    """
+    left = "(" if exclusive or math.isinf(low) else "["
+    right = ")" if exclusive or math.isinf(high) else "]"
+    return f"{left}{low:g}, {high:g}{right}"

@@ -15,26 +15,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from posfet_model._lib.shown import interval
 from posfet_model._lib.types import FloatArray
 
 _Kind = TypeVar("_Kind")
-
-
-def interval(low: float, high: float, exclusive: bool = False) -> str:
-    """Return the notation of an interval: closed ends in brackets, open and infinite ends in parentheses.
-
-    Parameters
-    ----------
-    low : float
-        Lower end of the range.
-    high : float
-        Upper end of the range.
-    exclusive : bool, optional
-        Whether the ends are excluded.
-    """
-    left = "(" if exclusive or math.isinf(low) else "["
-    right = ")" if exclusive or math.isinf(high) else "]"
-    return f"{left}{low:g}, {high:g}{right}"
 
 
 def real_array(

@@ -21,8 +21,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from posfet_model._lib.shown import interval
 from posfet_model._lib.types import FloatArray
-from posfet_model._lib.validation import interval, real_values
+from posfet_model._lib.validation import real_values
 
 UNITS: Final[dict[str, dict[str, float]]] = {
     "m": {"um": 1e-6, "nm": 1e-9, "mm": 1e-3, "cm": 1e-2},

@@ -17,6 +17,8 @@ from typing import Final
 
 PARENT: Final = "POSFET_PARENT"
 """Environment variable with the id of the process whose end also ends this one."""
+BLAS_THREADS: Final = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
+"""Environment variables that limit the threads of OpenBLAS, in its order."""
 _PR_SET_PDEATHSIG: Final = 1
 
 
@@ -30,6 +32,16 @@ def interrupt_on_signal() -> None:
     """Let Ctrl-C and SIGTERM raise KeyboardInterrupt from here on, so that open work is cleaned up."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
+
+
+def limit_blas_threads() -> None:
+    """Let the linear algebra of NumPy use one thread, unless a variable of BLAS_THREADS is set.
+
+    Matrices are small here: more threads wait for each other, and take processors from other processes. Without effect
+    once NumPy has been imported.
+    """
+    if not any(os.environ.get(name) for name in BLAS_THREADS):
+        os.environ[BLAS_THREADS[0]] = "1"
 
 
 def exit_with_parent() -> None:
@@ -52,6 +64,7 @@ def run(module: str) -> None:
     """Import a module and run its `main`."""
     exit_on_signal()
     exit_with_parent()
+    limit_blas_threads()
     import_module(module).main()
 
 

@@ -1,0 +1,87 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Display snapshots without a terminal: one line per second."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from types import TracebackType
+from typing import Final, TextIO
+
+from posfet.snapshot import Record, Snapshot, SnapshotSource, line
+
+PERIOD: Final = 0.1
+"""Period at which snapshots are taken [s]."""
+LINE_PERIOD: Final = 1.0
+"""Period of the lines [s]."""
+RATE_WINDOW: Final = 10
+"""Number of snapshots over which the displayed scan rate is averaged."""
+
+
+class Lines:
+    """One line per second; a context manager. `posfet.terminal.screen.Screen` is the same as a live display.
+
+    Parameters
+    ----------
+    source : SnapshotSource
+        Source of the snapshots.
+    stream : TextIO, optional
+        Where to; default: standard output.
+    """
+
+    def __init__(self, source: SnapshotSource, stream: TextIO | None = None) -> None:
+        self._source, self._stream = source, stream
+        self._next = 0.0
+        self._next_line = LINE_PERIOD
+        self._rates: list[float] = []
+        self.quit = False
+        """Whether the user wants to quit."""
+        self.record = Record()
+
+    def __enter__(self) -> Lines:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the display; may be called twice."""
+        (self._stream or sys.stdout).flush()
+
+    def update(self, now: float | None = None) -> None:
+        """Update the display if it is due; `now` is a monotonic time [s]. Cheap to call often."""
+        now = time.monotonic() if now is None else now
+        if now < self._next:
+            return
+        self._next = now + PERIOD
+        self._react()
+        snapshot = self._source.snapshot()
+        if snapshot is None:
+            self._wait()
+            return
+        scan_rate = self.record.add(snapshot)
+        self._rates = [*self._rates, scan_rate][-RATE_WINDOW:]
+        known = [value for value in self._rates if not math.isnan(value)]
+        self._show(snapshot, sum(known) / len(known) if known else math.nan)
+
+    def _react(self) -> None:
+        """Do what the user asks for."""
+
+    def _wait(self) -> None:
+        """Show that no scan has arrived yet."""
+
+    def _show(self, snapshot: Snapshot, scan_rate: float) -> None:
+        """Show a snapshot and the mean scan rate [Hz]."""
+        elapsed = snapshot.time - self.record.first.time if self.record.first else 0.0
+        if elapsed >= self._next_line:
+            self._next_line = (math.floor(elapsed / LINE_PERIOD) + 1) * LINE_PERIOD
+            print(line(snapshot, elapsed, scan_rate), file=self._stream, flush=True)
