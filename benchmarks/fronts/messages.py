@@ -22,6 +22,7 @@ from benchmarks.outcome import shown
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.model_outputs import ModelOutputs
+from posfet_model.ros.output_qos import OUTPUT_DEPTH, output_qos
 from posfet_model.ros.subscriptions import MAX_AGE, SubscriptionCache
 from posfet_model.sensor.scan import Scan
 
@@ -42,7 +43,7 @@ class Outputs:
     """The topics of a model node, with subscribers of `contacts` alone."""
 
     def __init__(self, node: Any) -> None:
-        self._outputs = ModelOutputs(node, as_bytes=True, simulated=True)
+        self._outputs = ModelOutputs(node, True, True, output_qos("reliable", OUTPUT_DEPTH), display_rate=30.0)
         self._outputs.describe(SENSOR, "array")
         self._all = set(self._outputs._subscriptions._publishers)
         self._contacts = {self._outputs._contacts}
@@ -60,15 +61,14 @@ class Outputs:
                     publisher.get_subscription_count()
             else:
                 cache.subscribed(now)
-            self._outputs.publish(reconstructor, result, self._contacts, now)
+            self._outputs.publish(reconstructor, result, self._contacts)
 
     def everything(self, scans: Sequence[Scan]) -> None:
         """Process scans and publish every message."""
-        reconstructor, step = Reconstructor(SENSOR), 1 / SENSOR.can.scan_rate
+        reconstructor = Reconstructor(SENSOR)
         reconstructor.vibration_wanted = True
-        for index, scan in enumerate(scans):
-            result = reconstructor.process(scan)
-            self._outputs.publish(reconstructor, result, self._all, int((1.0 + index * step) * NANOSECONDS))
+        for scan in scans:
+            self._outputs.publish(reconstructor, reconstructor.process(scan), self._all)
 
     @property
     def topics(self) -> int:

@@ -70,7 +70,7 @@ class Stack:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.info = self.node.create_publisher(TactileInfo, "info", latched)
         kinds = {"image": TactileImage, "contacts": TactileContacts, "truth": TactileTruth}
-        self.topics = {topic: self.node.create_publisher(kind, topic, 100) for topic, kind in kinds.items()}
+        self.topics = {topic: self.node.create_publisher(kind, f"view/{topic}", 100) for topic, kind in kinds.items()}
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.node.create_service(Tare, "tare", self.tare)
         self.client = StackClient("tactile")

@@ -68,7 +68,7 @@ def test_foxglove_shows_published_topics_on_panels_of_the_layout() -> None:
     layout = json.loads((UMBRELLA / "foxglove/tactile.json").read_text(encoding="utf-8"))
     topics = {re.split(r"[.\[]", text)[0] for text in texts(layout["configById"]) if text.startswith("/")}
     assert {topic.removeprefix("/tactile/") for topic in topics} <= set(published())
-    assert {"/tactile/points", "/tactile/contacts", "/diagnostics"} <= topics
+    assert {"/tactile/points", "/tactile/view/contacts", "/diagnostics"} <= topics
     panels = [text for text in texts(layout["layout"]) if "!" in text]
     assert sorted(panels) == sorted(layout["configById"])
 

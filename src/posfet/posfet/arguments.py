@@ -25,6 +25,7 @@ from posfet_model.parameters import (
     MAX_RELATIVE,
     MOUNT_POSE,
     PARENT_FRAME,
+    RELIABILITY,
     SENSOR_FILE,
     SERIAL,
     Parameter,
@@ -57,7 +58,7 @@ def _optional(parameter: Parameter) -> Parameter:
     )
 
 
-_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, MAX_RELATIVE, PARENT_FRAME, AUTOSTART)
+_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, MAX_RELATIVE, PARENT_FRAME, AUTOSTART, RELIABILITY)
 """Parameters whose arguments are texts, since they may be left to the parameter file."""
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
@@ -92,6 +93,7 @@ ARGUMENTS: Final = (
     _for("replay", REPLAY_RATE),
     _for("replay", REPLAY_TOPIC),
     _optional(AUTOSTART),
+    _optional(RELIABILITY),
     Parameter("composed", True, "Run all nodes in one process, which is fastest; false: one process for each node"),
     Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),
 )

@@ -31,6 +31,7 @@ from posfet_model.parameters import (
     MODEL_NODE,
     MOUNT,
     MOUNT_POSE,
+    RELIABILITY,
     SENSOR,
     STANDARD,
     Scalar,
@@ -214,7 +215,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     if source in SIMULATED:
         load_scene(arguments[SCENE.name], sensor)
         load_error_model(arguments[IMPERFECTIONS.name])
-    shared = node_parameters(arguments, *SENSOR) | given_parameters(arguments, AUTOSTART)
+    shared = node_parameters(arguments, *SENSOR) | given_parameters(arguments, AUTOSTART, RELIABILITY)
     frame: dict[str, Scalar] = {FRAME_ID.name: arguments[FRAME_ID.name] or default_frame(namespace)}
     simulated = _replayed(arguments, sensor) if source == "replay" else source in SIMULATED
     driver_bus, board_bus = _bus(arguments, namespace)

@@ -24,13 +24,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from posfet.array_view import ArrayView
-from posfet.display_loop import show
+from posfet.display_loop import display, show
 from posfet.hand import read_hand
 from posfet.rerun_view import add_rerun_arguments, rerun_view
 from posfet.ros_arguments import split
 from posfet.snapshot import ContactView, ScanCount, Snapshot, TrueContact
 from posfet.stack_client import StackClient
-from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
 from posfet.web.options import add_web_arguments, chosen_port
 from posfet.web.recording import Recording
@@ -43,10 +42,10 @@ from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
-DEPTH: Final = 5
+DEPTH: Final = 10
 """Newest messages taken per topic each time, among which those of one scan are found on all topics."""
 
-TRUTHS: Final = 80
+TRUTHS: Final = 30
 """True contacts kept, of the last half second: on a loaded machine the model is later than the simulation."""
 
 NEAR: Final = 50
@@ -54,11 +53,10 @@ NEAR: Final = 50
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """The newest messages of one stack, taken only when a snapshot is requested.
+    """The newest messages of one stack, taken from its topics for displays when a snapshot is requested.
 
-    It must not be added to an executor, which would run a callback for every message: at 1 kHz on three topics these
-    cost several times as much as all else. Losses are read from the diagnostics: a message that is not taken is no loss
-    of the stack.
+    It need not be added to an executor, which would run a callback for every message. Losses are read from the
+    diagnostics: a message that is not taken is no loss of the stack.
 
     Parameters
     ----------
@@ -84,7 +82,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         for topic, kind in (("image", TactileImage), ("contacts", TactileContacts), ("truth", TactileTruth)):
             self._newest[topic] = deque(maxlen=TRUTHS if topic == "truth" else DEPTH)
-            self._topics[topic] = self.create_subscription(kind, topic, lambda _: None, profile)
+            self._topics[topic] = self.create_subscription(kind, f"view/{topic}", lambda _: None, profile)
 
     def snapshot(self) -> Snapshot | None:
         """Return the newest snapshot, or None before the first image and contacts. For any thread."""
@@ -95,7 +93,10 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def state(self) -> str:
         """Return the state of the source of scans, in one line."""
-        return self.client.state or f"nothing on {self.get_namespace()}/image and {self.get_namespace()}/contacts"
+        return (
+            self.client.state
+            or f"nothing on {self.get_namespace()}/view/image and {self.get_namespace()}/view/contacts"
+        )
 
     def _take(self, topic: str, subscription: Any) -> None:
         """Take the messages that have arrived since the last time, the newest of which the middleware has kept."""
@@ -226,7 +227,7 @@ def main(words: Sequence[str] | None = None) -> int:
             link = served_link(stack, viewed, web_port)
             logged = [(view.client.namespace, view, partial(getattr, view.client, "array")) for view in views]
             stack.enter_context(rerun_view(logged, options.rerun, options.rerun_file))
-            with Screen(views[0], views[0].client, link) as screen:
+            with display(views[0], views[0].client, link) as screen:
                 return show(screen, [view.client for view in views], options.seconds, views[0].state)
         return 0
 

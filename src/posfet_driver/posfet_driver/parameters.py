@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from posfet_model.parameters import AUTOSTART, FRAME_ID, SENSOR, Parameter
+from posfet_model.parameters import AUTOSTART, FRAME_ID, RELIABILITY, SENSOR, Parameter
 
 LOG_FAULTS: Final = Parameter(
     "log_faults", True, "Log faults when they appear and clear; false: in diagnostics only", read_only=False
 )
-SCAN_SOURCE_NODE: Final = (*SENSOR, FRAME_ID, AUTOSTART, LOG_FAULTS)
+SCAN_SOURCE_NODE: Final = (*SENSOR, FRAME_ID, AUTOSTART, RELIABILITY, LOG_FAULTS)
 """Parameters of every node that publishes scans."""
 
 CAN_INTERFACE: Final = Parameter(

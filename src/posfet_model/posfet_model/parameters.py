@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from posfet_model._lib.validation import interval
+from posfet_model._lib.shown import interval
 from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 
@@ -212,6 +212,14 @@ MOUNT_POSE: Final = Parameter(
 AUTOSTART: Final = Parameter(
     "autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions"
 )
+RELIABILITY: Final = Parameter(
+    "reliability",
+    "reliable",
+    "Reliability of the topics with scans, forces and contacts; best_effort is published in less time, and reaches "
+    "only subscribers that ask for best effort",
+    choices=("reliable", "best_effort"),
+    fixed="publishers are created with it",
+)
 MOUNT: Final = (PARENT_FRAME, MOUNT_POSE)
 CALIBRATION_FILE: Final = Parameter(
     "calibration_file",
@@ -259,7 +267,7 @@ HUM_REMOVAL: Final = Parameter(
 DISPLAY_RATE: Final = Parameter(
     "display_rate",
     30.0,
-    "Largest rate of messages that are for display only, `markers`",
+    "Rate of messages that are for display only: `view/image`, `view/contacts`, `view/truth`, `markers`",
     unit="Hz",
     low=0.1,
     high=10_000.0,
@@ -272,6 +280,7 @@ SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signa
 MODEL_NODE: Final = (
     *SENSOR,
     AUTOSTART,
+    RELIABILITY,
     *MOUNT,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,

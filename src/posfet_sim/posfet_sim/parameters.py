@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.parameters import SCAN_SOURCE_NODE
-from posfet_model.parameters import Parameter
+from posfet_model.parameters import DISPLAY_RATE, Parameter
 from posfet_sim.device.error_model import DEFAULT
 from posfet_sim.device.simulated_board import SEED_MAX
 from posfet_sim.scene import DEFAULT_SCENE
@@ -67,4 +67,5 @@ SIM_BOARD_NODE: Final = (
     BUS_INTERFACE,
     BUS_CHANNEL,
     IMPERFECTIONS,
+    DISPLAY_RATE,
 )

@@ -27,14 +27,15 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
-from posfet_model.reconstruction.reconstructor import TaxelStatus
+from posfet_model.reconstruction.reconstructor import Reconstructor, TaxelStatus
 from posfet_model.ros import model_diagnostics, model_report
 from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.model_node import ModelNode
@@ -240,8 +241,7 @@ def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path:
 
 def test_markers_appear_and_disappear_with_the_contact(bench: Bench) -> None:
     markers = bench.listen(MarkerArray, "markers")
-    node = bench.model(direct=True)
-    node._outputs.marker_period = 0  # a message for every scan, however fast they are processed
+    node = bench.model(direct=True, display_rate=2000.0)  # a message for every scan
     bench.wait_for_subscribers(node, "markers")
     scans = recorded_scans()
     process(node, scans)
@@ -253,6 +253,65 @@ def test_markers_appear_and_disappear_with_the_contact(bench: Bench) -> None:
     assert [(m.action, m.ns) for m in gone] == [(Marker.DELETE, "contact"), (Marker.DELETE, "force")]
     assert {m.id for m in gone} == {m.id for m in markers[PRESS_UNTIL - 1].markers}
     assert not markers[-1].markers
+
+
+def test_displays_get_the_same_few_scans_on_every_topic(bench: Bench) -> None:
+    kinds = {"contacts": TactileContacts, "image": TactileImage}
+    full = {topic: bench.listen(kind, topic) for topic, kind in kinds.items()}
+    shown = {topic: bench.listen(kind, f"view/{topic}") for topic, kind in kinds.items()}
+    node = bench.model(display_rate=50.0)
+    bench.wait_for_subscribers(node, *full, *(f"view/{topic}" for topic in shown))
+    scans = recorded_scans()
+    play(bench, tuple(full.values()), scans)
+    expected = [message.sequence for message in scans if message.sequence % 20 == 0]
+    bench.spin_until(lambda: all(len(messages) == len(expected) for messages in shown.values()))
+    for topic, messages in shown.items():
+        assert [message.sequence for message in messages] == expected
+        same = {message.sequence: serialize_message(message) for message in full[topic]}
+        assert [serialize_message(message) for message in messages] == [same[number] for number in expected]
+
+
+def test_what_is_for_displays_is_computed_for_their_scans_only(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.listen(TactileImage, "view/image")
+    node = bench.model(direct=True, display_rate=50.0)
+    bench.wait_for_subscribers(node, "view/image")
+    images: list[int] = []
+    image = Reconstructor.image
+    monkeypatch.setattr(Reconstructor, "image", lambda self: images.append(1) or image(self))
+    scans = recorded_scans()
+    process(node, scans)
+    assert len(images) == len([message for message in scans if message.sequence % 20 == 0])
+
+
+@pytest.mark.parametrize(("reliability", "expected"), [("reliable", "RELIABLE"), ("best_effort", "BEST_EFFORT")])
+def test_topics_have_the_reliability_of_the_parameter(bench: Bench, reliability: str, expected: str) -> None:
+    node = bench.model(reliability=reliability)
+    scans = [each for each in node.subscriptions if each.topic_name.endswith("raw")]
+    ours = {
+        each.topic_name.removeprefix("/"): each.qos_profile.reliability.name
+        for each in [*node.publishers, *scans]
+        if each.topic_name.count("/") == 1 or "/view/" in each.topic_name
+    }
+    assert ours.pop("info") == "RELIABLE"
+    shared = {"diagnostics", "rosout", "parameter_events", "tf_static"}
+    assert {name: kind for name, kind in ours.items() if name not in shared} == dict.fromkeys(
+        ["contacts", "image", "wrench", "wrench_estimate", "force_image", "points", "markers", "vibration",
+         "view/contacts", "view/image", "raw"], expected,
+    )  # fmt: skip
+
+
+def test_best_effort_reaches_who_asks_for_it(bench: Bench) -> None:
+    contacts = bench.listen(
+        TactileContacts, "contacts", QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
+    node = bench.model(reliability="best_effort")
+    bench.wait_for_subscribers(node, "contacts")
+    raw = bench.peer.create_publisher(TactileRaw, "raw", 100)  # reliable: the node takes it, too
+    bench.spin_until(lambda: raw.get_subscription_count() > 0)
+    scans = iter(recorded_scans() * 10)
+    while not contacts:  # whatever was lost
+        raw.publish(next(scans))
+        bench.executor.spin_once(timeout_sec=0.05)
 
 
 def test_nothing_is_published_without_subscribers(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,6 +109,11 @@ class Listener(Node):
         return bool(newest and received) and newest[-1] - received[-1].sequence > BACKLOG
 
 
+def nanoseconds(message: TactileRaw | TactileTruth) -> int:
+    """Return the stamp of a message [ns]."""
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
 def test_raw_carries_the_scans_of_the_board(spin) -> None:
     listener = Listener(spin, ("raw", TactileRaw))
     node = make_board(spin, seed=5, scene="press_slide_lift", frame_id="thumb", imperfections="none")
@@ -160,6 +165,21 @@ def test_ground_truth_matches_the_scan_of_the_same_sequence(spin) -> None:
     assert [(point.x, point.y, point.z) for point in truth.contact_centres] == [(-2e-3, -2e-3, 0.0)]
     assert [(normal.x, normal.y, normal.z) for normal in truth.contact_normals] == [(0.0, 0.0, 1.0)]
     np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
+
+
+def test_displays_get_the_truth_of_few_scans(spin) -> None:
+    listener = Listener(spin, ("raw", TactileRaw), ("view/truth", TactileTruth))
+    make_board(spin, scene="hold", imperfections="none", display_rate=50.0).start()
+    shown = [
+        message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in listener.wait("view/truth", 10)
+    ]
+    last = listener.messages["view/truth"][-1].sequence
+    while listener.messages["raw"][-1].sequence < last:
+        listener.wait("raw", len(listener.messages["raw"]) + 1)
+    stamps = [nanoseconds(message) for message in listener.messages["raw"]]
+    period = 20_000_000
+    first = [new for new, old in zip(stamps[1:], stamps, strict=False) if new // period != old // period]
+    assert shown[1:] == [stamp for stamp in first if shown[1] <= stamp <= shown[-1]]
 
 
 def test_objects_of_a_scan_are_available_while_it_is_in_the_history(spin) -> None:

@@ -30,6 +30,7 @@ from posfet_model.config import ConfigError
 from posfet_model.parameters import Parameter
 from posfet_model.ros.diagnostic_array import hardware_id
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
+from posfet_model.ros.output_qos import output_qos
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.ros.supervision import RESTART_PERIOD, RestartPolicy, described
@@ -99,7 +100,7 @@ class ScanSourceNode(SupervisedLifecycleNode):
             raise
         self.frame_id = declared_frame(self, self.parameters)
         self._raw_message = RawMessage(self.sensor.layout, self.frame_id)
-        self._raw = self.create_publisher(TactileRaw, "raw", RAW_DEPTH)
+        self._raw = self.create_publisher(TactileRaw, "raw", output_qos(self.parameters["reliability"], RAW_DEPTH))
         self._raw_listeners = SubscriptionCache(self._raw)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)

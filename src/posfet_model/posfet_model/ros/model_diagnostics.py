@@ -17,8 +17,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from posfet_model.reconstruction.diagnostics import Level, Verdict
 from posfet_model.reconstruction.scan_clock import ScanCounts
 from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
-from posfet_model.ros.model_outputs import OUTPUT_DEPTH
 from posfet_model.ros.model_report import ModelReport
+from posfet_model.ros.output_qos import OUTPUT_DEPTH
 from posfet_model.ros.queue_delay import LONGEST, QueueDelay
 from posfet_model.ros.supervision import SupervisedNode
 from posfet_model.sensor.description import Sensor

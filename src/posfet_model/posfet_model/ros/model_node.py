@@ -17,7 +17,6 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from posfet_model._lib.units import NANOSECONDS
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.calibration.taxel_calibration import Calibration
@@ -35,6 +34,7 @@ from posfet_model.ros.model_settings import reconstruction_settings
 from posfet_model.ros.model_snapshot import Snapshot, snapshot
 from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
+from posfet_model.ros.output_qos import OUTPUT_DEPTH, output_qos
 from posfet_model.ros.queue_delay import QueueDelay
 from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
@@ -81,7 +81,9 @@ class ModelNode(SupervisedLifecycleNode):
         self._active = False
         self._result: Reconstruction | None = None
         self._reader = ScanReader(self.sensor.layout)
-        self._outputs = ModelOutputs(self, self.parameters["contacts_as_bytes"], self.parameters["simulated"])
+        given = self.parameters
+        qos = output_qos(given["reliability"], OUTPUT_DEPTH)
+        self._outputs = ModelOutputs(self, given["contacts_as_bytes"], given["simulated"], qos, given["display_rate"])
         self._mount: Any = None
         self._raw: Any = None
         self._settings = ReconstructionSettings()
@@ -101,7 +103,8 @@ class ModelNode(SupervisedLifecycleNode):
         """Process scans."""
         if not self.parameters["direct"]:
             self._queue.start()
-            self._raw = self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
+            qos = output_qos(self.parameters["reliability"], RAW_DEPTH)  # best effort takes from publishers of both
+            self._raw = self.create_subscription(TactileRaw, "raw", self._receive, qos)
         self._active = True
         return super().on_activate(state)
 
@@ -155,7 +158,7 @@ class ModelNode(SupervisedLifecycleNode):
     def _use_settings(self, settings: ReconstructionSettings) -> None:
         with self._lock:
             before, self._settings = self._settings, settings
-            self._outputs.marker_period = round(NANOSECONDS / self.parameters["display_rate"])
+            self._outputs.display.change(self.parameters["display_rate"])
             if self._reconstructor is not None and settings != before:
                 self._reconstructor.change(settings)
             if self._outputs.frame_id and settings.contact != before.contact:
@@ -208,7 +211,7 @@ class ModelNode(SupervisedLifecycleNode):
             elif not result.unusable:
                 return
             if subscribed:
-                outputs.publish(reconstructor, result, subscribed, now)
+                outputs.publish(reconstructor, result, subscribed)
             if reconstructor.maintenance_due:
                 time.sleep(READER_GRACE_PERIOD)
                 reconstructor.run_maintenance()

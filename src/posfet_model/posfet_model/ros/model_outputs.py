@@ -33,12 +33,11 @@ from posfet_model.ros.conversions import (
     contacts_writer,
     info_message,
 )
+from posfet_model.ros.display_scans import DisplayScans
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.ros.wrench_messages import WrenchEstimateMessage, WrenchMessage
 from posfet_model.sensor.description import Sensor
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileVibration, TactileWrench
-
-OUTPUT_DEPTH = 10
 
 
 class ModelOutputs:
@@ -52,30 +51,36 @@ class ModelOutputs:
         Whether contacts are serialised here instead of by the middleware.
     simulated : bool
         Whether the signals come from a simulated board.
+    qos : QoSProfile
+        Quality of service of all topics but `info`.
+    display_rate : float
+        Rate of the topics that are for display only [Hz].
     """
 
-    def __init__(self, node: Node, as_bytes: bool, simulated: bool) -> None:
+    def __init__(self, node: Node, as_bytes: bool, simulated: bool, qos: QoSProfile, display_rate: float) -> None:
         self.frame_id = ""
         """Frame of the array; '' before `describe`."""
-        self.marker_period = 0
-        """Shortest time between two marker messages [ns]; markers are for display only."""
+        self.display = DisplayScans(display_rate)
+        """Scans of the topics that are for display only."""
         self._as_bytes, self._simulated = as_bytes, simulated
-        self._contacts = node.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
-        self._markers = node.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
+        self._contacts = node.create_publisher(TactileContacts, "contacts", qos)
+        self._markers = node.create_publisher(MarkerArray, "markers", qos)
+        self._view_contacts = node.create_publisher(TactileContacts, "view/contacts", qos)
+        self._view_image = node.create_publisher(TactileImage, "view/image", qos)
+        self._displayed = {self._markers, self._view_contacts, self._view_image}
         self._map_publishers = [
-            node.create_publisher(TactileImage, "image", OUTPUT_DEPTH),
-            node.create_publisher(WrenchStamped, "wrench", OUTPUT_DEPTH),
-            node.create_publisher(Image, "force_image", OUTPUT_DEPTH),
-            node.create_publisher(PointCloud2, "points", OUTPUT_DEPTH),
+            node.create_publisher(TactileImage, "image", qos),
+            node.create_publisher(WrenchStamped, "wrench", qos),
+            node.create_publisher(Image, "force_image", qos),
+            node.create_publisher(PointCloud2, "points", qos),
         ]
         self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = ()
-        self._wrench_estimate = node.create_publisher(TactileWrench, "wrench_estimate", OUTPUT_DEPTH)
-        self._vibration = node.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
+        self._wrench_estimate = node.create_publisher(TactileWrench, "wrench_estimate", qos)
+        self._vibration = node.create_publisher(TactileVibration, "vibration", qos)
         self._subscriptions = SubscriptionCache(
-            self._contacts, self._markers, self._vibration, self._wrench_estimate, *self._map_publishers
+            self._contacts, self._vibration, self._wrench_estimate, *self._displayed, *self._map_publishers
         )
         self._only_contacts = {self._contacts}
-        self._next_markers = 0
         transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._info = node.create_publisher(TactileInfo, "info", transient_local)
 
@@ -94,9 +99,11 @@ class ModelOutputs:
         self._contacts_message: ContactsMessage | ContactsBytes = writer
         if isinstance(writer, ContactsBytes):
             # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
-            self._contacts.publish = self._contacts.handle.publish_raw
+            for publisher in (self._contacts, self._view_contacts):
+                publisher.publish = publisher.handle.publish_raw
+        self._image_message = ImageMessage(layout, frame_id)
         fills: tuple[Callable[[Reconstruction, ForceImage], Any], ...] = (
-            ImageMessage(layout, frame_id).fill,
+            self._image_message.fill,
             WrenchMessage(layout, frame_id).fill,
             ForceImageMessage(layout, frame_id).fill,
             PointsMessage(layout, frame_id).fill,
@@ -115,7 +122,7 @@ class ModelOutputs:
         """Return whether `vibration` is among the publishers with subscribers."""
         return self._vibration in subscribed
 
-    def publish(self, reconstructor: Reconstructor, result: Reconstruction, subscribed: Set[Any], now: int) -> None:
+    def publish(self, reconstructor: Reconstructor, result: Reconstruction, subscribed: Set[Any]) -> None:
         """Publish the messages of a scan, contacts first.
 
         Parameters
@@ -126,8 +133,6 @@ class ModelOutputs:
             Its result.
         subscribed : set
             Publishers with subscribers.
-        now : int
-            Monotonic time [ns].
         """
         if self._contacts in subscribed:
             self._contacts.publish(self._contacts_message.fill(result))
@@ -143,6 +148,13 @@ class ModelOutputs:
                 self._wrench_estimate.publish(self._wrench_estimate_message.fill(result, image, reconstructor))
         if self._vibration in subscribed:
             self._vibration.publish(self._vibration_message.fill(result, reconstructor.vibration()))
-        if now >= self._next_markers and self._markers in subscribed:
-            self._next_markers = now + self.marker_period
+        if not self._displayed.isdisjoint(subscribed) and self.display.due(result.stamp):
+            self._publish_displayed(reconstructor, result, subscribed)
+
+    def _publish_displayed(self, reconstructor: Reconstructor, result: Reconstruction, subscribed: Set[Any]) -> None:
+        if self._view_contacts in subscribed:
+            self._view_contacts.publish(self._contacts_message.fill(result))
+        if self._view_image in subscribed:
+            self._view_image.publish(self._image_message.fill(result, reconstructor.image()))
+        if self._markers in subscribed:
             self._markers.publish(self._markers_message.fill(result))

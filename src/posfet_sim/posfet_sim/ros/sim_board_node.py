@@ -26,6 +26,8 @@ from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model._lib.shown import shown
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
+from posfet_model.ros.display_scans import DisplayScans
+from posfet_model.ros.output_qos import output_qos
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Layout, Sensor
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
     from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 
 TRUTH_DEPTH = 10
-"""Queue depth of the topic `truth`."""
+"""Queue depth of the topics `truth` and `view/truth`."""
 SCAN_TIMES_KEPT = 2000
 """Number of the latest scans whose sampling times are kept."""
 
@@ -92,8 +94,8 @@ class SimBoardNode(ScanSourceNode):
     """The simulated board as a lifecycle node; see `ScanSourceNode` for the transitions.
 
     It delivers scans itself (`SimulationSource`), or is a peer on a CAN bus whose scans a driver receives
-    (`SimulatedBusPeer`). `truth` is computed and published only for subscribers. The constructor raises ConfigError for
-    an invalid parameter, sensor or scene.
+    (`SimulatedBusPeer`). `truth`, and `view/truth` for displays, are computed and published only for subscribers. The
+    constructor raises ConfigError for an invalid parameter, sensor or scene.
 
     Parameters
     ----------
@@ -111,8 +113,11 @@ class SimBoardNode(ScanSourceNode):
         super().__init__(node_name, SIM_BOARD_NODE, clock, **node_arguments)
         self._resume: bool | None = None  # closed since it could not be opened again: whether it was active before
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
-        self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
-        self._truth_listeners = SubscriptionCache(self._truth)
+        qos = output_qos(self.parameters["reliability"], TRUTH_DEPTH)
+        self._truth = self.create_publisher(TactileTruth, "truth", qos)
+        self._view_truth = self.create_publisher(TactileTruth, "view/truth", qos)
+        self._truth_listeners = SubscriptionCache(self._truth, self._view_truth)
+        self._display = DisplayScans(self.parameters["display_rate"])
         self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(
             maxlen=SCAN_TIMES_KEPT
@@ -205,8 +210,16 @@ class SimBoardNode(ScanSourceNode):
 
     def _publish_truth(self, sequence: int, stamp: int, now: int) -> None:
         self._taken.append((sequence, self.source.board.time))
-        if self._truth_listeners.any(now):
-            self._truth.publish(self._truth_message.fill(self.source.board.truth(), sequence, stamp))
+        subscribed = self._truth_listeners.subscribed(now)
+        wanted = [self._truth] if self._truth in subscribed else []
+        if self._view_truth in subscribed:
+            self._display.change(self.parameters["display_rate"])
+            if self._display.due(stamp):
+                wanted.append(self._view_truth)
+        if wanted:
+            message = self._truth_message.fill(self.source.board.truth(), sequence, stamp)
+            for publisher in wanted:
+                publisher.publish(message)
 
 
 def _reason(error: Exception) -> str:
