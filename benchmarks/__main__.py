@@ -29,20 +29,23 @@ from rich.console import Console
 
 from benchmarks import machine, plot, report
 from benchmarks.outcome import Outcome
+from posfet_model.ros.start import BLAS_THREADS
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results"
 SUBJECTS = {
     "latency": ("latency.end_to_end", 180.0),
     "ordinary": ("latency.baseline", 120.0),
-    "sustained": ("latency.sustained_rate", 240.0),
+    "sustained": ("latency.sustained_rate", 360.0),
     "startup": ("latency.startup", 120.0),
+    "setup": ("latency.fresh_clone", 600.0),
     "web": ("latency.web_view", 120.0),
     "slcan": ("micro.slcan_readers", 40.0),
     "decode": ("micro.frame_decoding", 20.0),
     "decode_mapped": ("micro.mapped_decoding", 30.0),
     "sim_vs_ngspice": ("simulation.follower_against_ngspice", 120.0),
-    "board": ("simulation.board", 40.0),
+    "board": ("simulation.board", 60.0),
+    "mcap": ("simulation.recording_speed", 60.0),
     "labelling": ("micro.labelling", 20.0),
     "contacts": ("micro.compiled_contacts", 20.0),
     "reconstruction": ("micro.reconstruction", 60.0),
@@ -68,6 +71,8 @@ def run_isolated(name: str, full: bool) -> Outcome:
         environment = os.environ | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise every start compiles all modules
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        if not any(environment.get(name) for name in BLAS_THREADS):
+            environment[BLAS_THREADS[0]] = "1"  # as in the commands and nodes
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # the same import path as this process
         worker = subprocess.Popen(
             command + ["--full"] * full, cwd=FOLDER.parent, env=environment, start_new_session=True

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from ament_index_python.packages import get_package_share_directory
 
+from benchmarks.latency.processes import compiled_echo
 from benchmarks.timing import processor_seconds
 from posfet_model.config import find_file
 from posfet_model.sensor.description import SENSOR_FOLDER
@@ -46,7 +47,7 @@ class Setup:
     rate: float = 1000.0
     touched: bool = True
     stack: str = "composed"
-    """composed, separate, baseline, or echo."""
+    """composed, separate, baseline, echo, or compiled echo."""
     as_bytes: bool = True
     """Whether contacts are passed to the middleware as serialised bytes."""
     window: float = 2.0
@@ -172,6 +173,9 @@ def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Pro
         return processes
     if setup.stack == "echo":
         return [Process(["-m", "benchmarks.latency.processes.echo", link, sensor, f"{folder}/ready.npy"])]
+    if setup.stack == "compiled echo":
+        words = [str(compiled_echo.compiled()), link, sensor, f"{folder}/ready.npy"]
+        return [Process(["-m", "benchmarks.latency.processes.compiled_echo", *words])]
     model = {} if setup.as_bytes else {"contacts_as_bytes": False}
     if setup.stack == "composed":
         options = {"sensor_file": sensor, "link": link, "params": params, "model": model, "out": f"{folder}/ready.npy"}

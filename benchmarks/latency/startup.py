@@ -19,6 +19,8 @@ from benchmarks.latency.rig import Process
 from benchmarks.outcome import Outcome, Table
 
 RUNS = 3
+LEAST = "rclpy.node, numpy"
+"""What every node in Python loads."""
 LISTENING = 2.0
 """Head start of the other process [s]: two that start together may discover each other only after 3 s."""
 
@@ -57,14 +59,17 @@ def measure(full: bool) -> Outcome:
     runs = 3 * RUNS if full else RUNS
     first_message("emulator")  # creates the cached bytecode
     starts = {source: [first_message(source) for _ in range(runs)] for source in ("sim", "emulator")}
+    least = [imports(LEAST) for _ in range(runs)]
     runs = runs if full else 1
     values = {
         "startup_s": statistics.median(starts["sim"]),
         "startup_emulator_s": statistics.median(starts["emulator"]),
+        "startup_over_imports": min(starts["sim"]) / min(least),
     }
     rows: list[tuple[str | float, ...]] = [
         (f"bringup, source:={source}", statistics.median(seconds), min(seconds)) for source, seconds in starts.items()
     ]
+    rows.append((f"python3 -c 'import {LEAST}'", statistics.median(least), min(least)))
     for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_node, posfet_sim.ros.sim_board_node"):
         seconds = [imports(module) for _ in range(runs)]
         rows.append((f"python3 -c 'import {module}'", statistics.median(seconds), min(seconds)))

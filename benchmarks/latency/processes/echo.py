@@ -18,6 +18,7 @@ import select
 import sys
 import threading
 from binascii import unhexlify
+from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.node import Node
@@ -28,7 +29,7 @@ from posfet_driver.bus.slcan_bus import READ_SIZE, SlcanBus
 from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.ros.contacts_cdr import ContactsBytes
 from posfet_model.ros.run_node import ros, spin
-from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_msgs.msg import TactileContacts
 
 SEQUENCE = slice(5, 9)
@@ -37,34 +38,50 @@ START_TIMEOUT = 5.0
 WAIT_MS = 100
 
 
-def echo(port: int, node: Node, message: ContactsBytes, times: TimeLog, end: threading.Event) -> None:
+def empty_message(sensor: Sensor) -> Callable[[int], bytes]:
+    """Return what serialises the message without contacts of a sequence; the next call overwrites it."""
+    message, result = ContactsBytes(sensor, "finger"), Reconstruction(True, False, 0, 0, True, (), {}, 0)
+
+    def filled(sequence: int) -> bytes:
+        result.sequence = sequence
+        return message.fill(result)
+
+    return filled
+
+
+def started_bus(link: str, sensor: Sensor) -> tuple[Board, SlcanBus]:
+    """Return a board behind an adapter, from which a first scan was received, and its bus."""
+    bus = SlcanBus(link, sensor.can.bitrate, sensor.can.data_bitrate, fd=True)
+    board = Board(sensor, lambda: bus)
+    board.open()
+    while board.read(START_TIMEOUT) is None:
+        pass
+    return board, bus
+
+
+def echo(port: int, node: Node, message: Callable[[int], bytes], times: TimeLog, end: threading.Event) -> None:
     """Publish a message for each line read from `port`."""
     publisher = node.create_publisher(TactileContacts, "contacts", 10)
     poll = select.poll()
     poll.register(port, select.POLLIN)
-    result = Reconstruction(True, False, 0, 0, True, (), {}, 0)
     while not end.is_set():
         if poll.poll(WAIT_MS):
             for line in os.read(port, READ_SIZE).split(b"\r")[:-1]:
                 if line[:1] == b"b":  # otherwise a status frame
-                    result.sequence = int.from_bytes(unhexlify(line[SEQUENCE]), "little")
-                    times.add(result.sequence)
-                    publisher.publish(message.fill(result))
+                    sequence = int.from_bytes(unhexlify(line[SEQUENCE]), "little")
+                    times.add(sequence)
+                    publisher.publish(message(sequence))
 
 
 def main() -> None:
     """Start the board, then echo until interrupted."""
     link, sensor_file, out = sys.argv[1:]
     sensor, times, end = load_sensor(sensor_file), TimeLog(), threading.Event()
-    bus = SlcanBus(link, sensor.can.bitrate, sensor.can.data_bitrate, fd=True)
-    board = Board(sensor, lambda: bus)
-    board.open()
-    while board.read(START_TIMEOUT) is None:
-        pass
+    board, bus = started_bus(link, sensor)
     with ros([]) as stack:
         node = Node("echo", namespace="tactile")
         stack.callback(node.destroy_node)
-        arguments = bus.fileno(), node, ContactsBytes(sensor, "finger"), times, end
+        arguments = bus.fileno(), node, empty_message(sensor), times, end
         thread = threading.Thread(target=echo, args=arguments)
         thread.start()
         print("ready", flush=True)
