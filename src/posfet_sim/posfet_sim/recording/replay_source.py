@@ -19,6 +19,8 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.scan import Scan
 from posfet_sim.recording.recorded_scans import RecordedScans
 
+LONGEST_DELAY: Final = NANOSECONDS // 2
+"""Delay of a scan [ns] beyond which the replay goes on from there, as long as the backlog of a simulated board."""
 LONGEST_PAUSE: Final = 10 * NANOSECONDS
 """Pause between two stamps [ns] above which, as when stamps step back, the next scan follows at once."""
 
@@ -26,7 +28,9 @@ LONGEST_PAUSE: Final = 10 * NANOSECONDS
 class ReplaySource:
     """Delivers the scans of a recording with their stamps.
 
-    The first `read` starts the replay. At its end nothing more is delivered; `open` starts it again.
+    The first `read` starts the replay. At its end nothing more is delivered; `open` starts it again. A late reader gets
+    the scans that are due one after the other; beyond LONGEST_DELAY the replay goes on from there instead, later by
+    that time, which is reported: what was recorded is not lost.
 
     Parameters
     ----------
@@ -51,6 +55,7 @@ class ReplaySource:
         self._stamp = 0
         self._delivered = 0
         self._lost = 0
+        self._delay = 0  # [ns]
         self.finished = False
         """Whether all scans were delivered."""
 
@@ -79,7 +84,7 @@ class ReplaySource:
         if scan is None:
             self._clock.sleep(timeout)
             return None
-        wait = self._due(scan.stamp) - self._clock.monotonic() if self._rate else 0
+        wait = self._wait(scan.stamp) if self._rate else 0
         if wait > 0:
             self._clock.sleep(min(wait / NANOSECONDS, timeout))
             if wait > timeout * NANOSECONDS:
@@ -90,10 +95,20 @@ class ReplaySource:
         self._lost = scan.frames_lost
         return scan
 
-    def _due(self, stamp: int) -> int:
+    def _wait(self, stamp: int) -> int:
+        """Return the time [ns] until a scan is due; after LONGEST_DELAY it is due now."""
+        now = self._clock.monotonic()
+        wait = self._due(stamp, now) - now
+        if wait >= -LONGEST_DELAY:
+            return wait
+        self._delay -= wait
+        self._anchor = now, stamp
+        return 0
+
+    def _due(self, stamp: int, now: int) -> int:
         """Return the monotonic time [ns] at which a scan is due."""
         if not self._stamp or not 0 <= stamp - self._stamp <= LONGEST_PAUSE:
-            self._anchor = self._clock.monotonic(), stamp
+            self._anchor = now, stamp
             self._stamp = stamp
         start, first = self._anchor
         return start + round((stamp - first) / self._rate)
@@ -110,4 +125,6 @@ class ReplaySource:
         else:
             health, state = Health.OK, f"replay of {path} finished"
         values = {"scans in the recording": str(len(self._recorded)), "topic": self._recorded.topic.name}
+        if self._delay:
+            values["delayed, this machine was too slow [s]"] = f"{self._delay / NANOSECONDS:.1f}"
         return SourceReport(health, state, self._delivered, self._lost, values=values)

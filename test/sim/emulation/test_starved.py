@@ -1,0 +1,208 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""A process that is starved for ten seconds: how late its scans are is bounded, and it is on time again within one.
+
+In virtual time, in which every scan takes its share of the processor.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.emulation.backlog import AT_ONCE, LATE, LONGEST_BACKLOG, first_due
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.realtime_source import SimulationSource
+from posfet_sim.recording.replay_source import ReplaySource
+from posfet_sim.scene import load_scene
+from support.clocks import SteppedClock
+
+SENSOR = load_sensor()
+SECOND, MILLISECOND = 1_000_000_000, 1_000_000
+PERIOD = MILLISECOND
+STARVED = 10 * SECOND
+BACK = SECOND
+"""Time within which scans are on time again [ns]."""
+AFTER = 3 * SECOND
+"""Time for which scans are read afterwards [ns]."""
+COSTS = {"a fifth": 5 * MILLISECOND, "a hundredth": 100 * MILLISECOND, "longer than the backlog": 700 * MILLISECOND}
+"""Time that a scan takes while the process gets this share of what it needs [ns]."""
+RELIEVED = 400_000
+"""Time that a scan takes afterwards [ns]: the machine is still busy."""
+
+
+@dataclass
+class Arrival:
+    """One scan as it arrives."""
+
+    sequence: int
+    due: int
+    at: int
+    late: bool
+    """Whether its status says so."""
+
+    @property
+    def delay(self) -> int:
+        return self.at - self.due
+
+
+def judge(arrivals: list[Arrival], relieved: int, bound: int) -> None:
+    """Judge the scans of a starved process that was relieved at a time [ns]; no delay may exceed `bound` [ns]."""
+    sequences = [each.sequence for each in arrivals]
+    assert sequences == sorted(set(sequences))
+    assert max(each.delay for each in arrivals) <= bound
+    before = [each for each in arrivals if each.at <= relieved]
+    assert any(each.late or each.delay > LATE * SECOND for each in before), "it was not starved"
+    steady = [each for each in arrivals if each.at > relieved + BACK]
+    assert len(steady) > 1000
+    assert all(each.delay <= 2 * PERIOD for each in steady)
+    assert not any(each.late for each in steady)
+    assert [each.sequence for each in steady] == list(range(steady[0].sequence, steady[-1].sequence + 1))
+
+
+@pytest.mark.parametrize("cost", COSTS.values(), ids=COSTS)
+def test_the_board_in_this_process(cost: int) -> None:
+    clock = SteppedClock(0, 0)
+    source = SimulationSource(SENSOR, load_scene("press_slide_lift", SENSOR), 3, clock)
+    source.open()
+    arrivals = []
+    while clock.now < STARVED + AFTER:
+        scan = source.read(0.1)
+        if scan is not None:
+            late = bool(scan.status & ScanStatus.SCAN_OVERRUN)
+            arrivals.append(Arrival(scan.sequence, scan.stamp, clock.now, late))
+            clock.now += cost if clock.now < STARVED else RELIEVED
+    judge(arrivals, STARVED, round(LONGEST_BACKLOG * SECOND))
+    assert all(each.late for each in arrivals if each.delay > LATE * SECOND)
+    lost = arrivals[-1].sequence + 1 - len(arrivals)
+    assert lost > 0
+    assert source.report().fault_counts == {FaultKind.SCAN_OVERRUN: lost}
+    assert (source.report().health, source.report().scans) == (Health.OK, len(arrivals))
+
+
+class Costly:
+    """A board whose scans take their time."""
+
+    def __init__(self) -> None:
+        self.cost = 0
+        self.spent = 0
+
+    def scan(self, index: int, out: Scan) -> None:
+        self.spent += self.cost
+
+
+def sent(decoder: Decoder, frames: list[Frame], now: int) -> Iterator[tuple[int, bool]]:
+    """Return sequence of each scan in a batch of frames, and whether it is flagged."""
+    for found in decoder.decode(frames, now, 0):
+        if isinstance(found, ScanReady):
+            yield found.scan.sequence, bool(found.scan.status & ScanStatus.SCAN_OVERRUN)
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["FD", "classic"])
+@pytest.mark.parametrize("cost", [COSTS["a fifth"], COSTS["a hundredth"]], ids=["a fifth", "a hundredth"])
+def test_the_board_behind_an_adapter_or_on_a_bus(cost: int, fd: bool) -> None:
+    """Adapter and server of a bus both send what `first_due` returns."""
+    sensor, board, now = replace(SENSOR, can=replace(SENSOR.can, fd=fd)), Costly(), 0
+    firmware, decoder = BoardFirmware(sensor, board, 0), Decoder(sensor)
+    decoder.start()
+    base = sensor.can.base_id
+    firmware.receive((base + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0, 0).pack()), 0)
+    arrivals, turns = [], 0
+    while now < STARVED + AFTER:
+        board.cost, board.spent = (cost if now < STARVED else RELIEVED), 0
+        frames = first_due(firmware, now)
+        begun, now = now, now + board.spent
+        turns = max(turns, now - begun)
+        arrivals += [Arrival(sequence, sequence * PERIOD, now, late) for sequence, late in sent(decoder, frames, now)]
+        now = max(now, firmware.next_due())
+    # A scan is late by the backlog, and by those that are computed with it.
+    at_once = round(AT_ONCE * SECOND / PERIOD) + 1
+    assert turns <= at_once * cost, "a command waits no longer"
+    judge(arrivals, STARVED, round(LONGEST_BACKLOG * SECOND) + at_once * cost)
+    assert firmware.missed > 0
+    if fd:  # of classic frames, those of a scan without a header are lost besides
+        assert firmware.missed == arrivals[-1].sequence + 1 - len(arrivals) == decoder.statistics.lost_scans
+
+
+class Recorded:
+    """A recording of many scans."""
+
+    recording = SimpleNamespace(path="a.mcap")
+    topic = SimpleNamespace(name="/tactile/raw")
+    problem = ""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def scans(self) -> Iterator[Scan]:
+        for sequence in range(self._count):
+            scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
+            scan.sequence, scan.stamp = sequence, SECOND + sequence * PERIOD
+            yield scan
+
+
+def replayed(count: int) -> tuple[ReplaySource, SteppedClock]:
+    clock = SteppedClock(7 * SECOND)
+    recorded: Any = Recorded(count)
+    source = ReplaySource(recorded, 1.0, simulated=True, clock=clock)
+    source.open()
+    return source, clock
+
+
+@pytest.mark.parametrize("cost", COSTS.values(), ids=COSTS)
+def test_a_recording_is_replayed_later_but_whole_and_at_its_pace(cost: int) -> None:
+    source, clock = replayed(30_000)
+    relieved, arrivals = clock.now + STARVED, []
+    while clock.now < relieved + AFTER:
+        scan = source.read(0.1)
+        assert scan is not None
+        arrivals.append((scan.sequence, clock.now))
+        clock.now += cost if clock.now < relieved else RELIEVED
+    assert [sequence for sequence, _ in arrivals] == list(range(len(arrivals)))
+    steady = [at for _, at in arrivals if at > relieved + BACK]
+    assert {later - earlier for earlier, later in itertools.pairwise(steady)} == {PERIOD}
+    delayed = float(source.report().values["delayed, this machine was too slow [s]"])
+    assert delayed == pytest.approx((arrivals[-1][1] - 7 * SECOND - len(arrivals) * PERIOD) / SECOND, abs=0.6)
+
+
+def test_a_replay_that_was_stopped_goes_on_at_its_pace() -> None:
+    source, clock = replayed(400)
+    for _ in range(100):
+        source.read(0.1)
+    assert "delayed, this machine was too slow [s]" not in source.report().values
+    clock.now += 3600 * SECOND
+    back, at = clock.now, []
+    for _ in range(300):
+        source.read(0.1)
+        at.append(clock.now - back)
+    assert at == [number * PERIOD for number in range(300)]
+    assert source.report().values["delayed, this machine was too slow [s]"] == "3600.0"
+
+
+def test_a_short_delay_of_a_replay_is_made_up_for() -> None:
+    source, clock = replayed(2000)
+    source.read(0.1)
+    begin = clock.now
+    clock.now += 400 * MILLISECOND
+    for _ in range(1000):
+        source.read(0.1)
+    assert clock.now == begin + 1000 * PERIOD
