@@ -66,6 +66,7 @@ LIES: Final = (
     "lie: rate",
     "lie: answers",
     "lie: identity",
+    "lie: period",
     "lie: not scanning",
     "lie: sequence",
     "lie: frozen sequence",
@@ -78,6 +79,8 @@ ABOUT_TICKS: Final = {*ABOUT_SEQUENCE, "reset, same number"}
 """Lies across which scans are not accounted for."""
 PERIODS: Final = (1000, 1000, 2000, 5000)
 """Scan periods [us]; those that other hosts set are among them."""
+SHORTEST_PERIOD: Final = 500_000
+"""The shortest one that the board keeps [ns]: more scans than such periods are not lost, whatever it states."""
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
 """Time after the last fault or lie within which a scan may have a false number [ns]."""
@@ -222,6 +225,9 @@ class Judge:
             if counters[name] < value:
                 self.findings.fail("counter fell", f"{name}: {value} -> {counters[name]}")
         self._counters = counters
+        ticks = self._link.clock.now // SHORTEST_PERIOD
+        if (lost := self._board.decoder.statistics.lost_scans) > ticks:
+            self.findings.fail("invented losses", f"{lost} scans lost in {ticks} ticks at most")
 
     def _find(self, scan: Scan, sequence: int) -> Sampled | None:
         """Return what the board has sampled, of this sequence and with these counts, nearest to the stamp."""
@@ -372,7 +378,7 @@ class Adversary:
             if found.published > len(used) * scans // SAMPLES:
                 used.append(Usage.now())
         self.judge.judge_counters()
-        used.append(Usage.now())
+        used += [Usage.now()] * max(SAMPLES - len(used), 1)  # a short run has few faults
         found.memory = [round(median(usage.memory for usage in used[part:][: SAMPLES // 4])) for part in QUARTERS]
         limit = GROWTH_LIMIT if scans >= 4 * KEPT else FILLING
         if found.memory[-1] - found.memory[-2] > limit or used[-1].descriptors > used[0].descriptors:

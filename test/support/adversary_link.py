@@ -28,6 +28,8 @@ from support.clocks import SteppedClock
 BASE: Final = 0x100
 KEPT: Final = 20_000
 """Scans of the log that are kept: more than any fault but a host stop can delay."""
+FALSE_PERIODS: Final = (1, 499, 20_000, 2_000_000, 10_000_000)
+"""Scan periods that a board states and does not keep [us]."""
 LOG_PIPE: Final = 1 << 20
 STEP: Final = 50_000
 """Longest time that the board runs at once [us]: its log then fits the pipe."""
@@ -373,8 +375,12 @@ class Link:
             return identifier, kind, struct.pack("<BBBBI", command, tag, result, boot, value)
         if offset == 2 and "lie: not scanning" in active:
             return identifier, kind, data[:6] + bytes([data[6] & ~0x10]) + data[7:]
-        if offset == 5 and "lie: identity" in active:
-            word = int.from_bytes(data, "little") ^ (1, 1 << 16, 1 << 20)[active["lie: identity"] % 3]
+        if offset == 5:
+            word = int.from_bytes(data, "little")
+            if "lie: identity" in active:
+                word ^= (1, 1 << 16, 1 << 20)[active["lie: identity"] % 3]
+            if "lie: period" in active:
+                word = word & 0xFF_FFFF_FFFF | self._noise.choice(FALSE_PERIODS) << 40
             return identifier, kind, word.to_bytes(8, "little")
         if offset == 3 and kind & FD:
             return identifier, kind, self._lie_fd(data)
@@ -386,7 +392,7 @@ class Link:
     def jump(self) -> int:
         """Number by which the sequence jumps."""
         number = self.active.get("lie: sequence", 0)
-        return number and (number % 1_000_000 if number & 1 else number % 300) + 1
+        return number and (number % 300, number % 1_000_000, 1 << 20 + number % 12, 1 << 31)[number & 3] + 1
 
     def _lie_fd(self, data: bytes) -> bytes:
         true, time = struct.unpack_from("<II", data)

@@ -18,7 +18,16 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
+from posfet_driver.protocol.messages import (
+    COMMAND_OFFSET,
+    IDENTITY_OFFSET,
+    LONGEST_PERIOD,
+    RESPONSE_OFFSET,
+    Command,
+    Request,
+    Response,
+    Result,
+)
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
@@ -46,6 +55,10 @@ class SlowLink:
         """Whether the driver receives its own commands."""
         self.commands: list[Request] = []
         self._queue: deque[tuple[int, Frame]] = deque()
+
+    def sends(self, frame: Frame, now: int) -> None:
+        """Have the board send another frame."""
+        self._queue.append((now + self.delay, frame))
 
     def next_due(self) -> int:
         due = self.board.next_due()
@@ -297,6 +310,56 @@ def test_a_rate_that_another_host_sets_is_followed(fd: bool) -> None:
     assert bench.board.decoder.scan_period == 2_000_000
     assert bench.board.restarted == 0  # a scan in two seconds is no silence
     assert bench.board.report().values["scan period [ms]"] == "2000"
+
+
+def stated(bench: Bench, period: int) -> Frame:
+    """Return the identity of the board with another scan period [us]."""
+    identity = bench.board.decoder.identity
+    assert identity is not None
+    return BASE + IDENTITY_OFFSET, CLASSIC, replace(identity, period=period).pack()
+
+
+@BOTH
+def test_silence_is_noticed_though_the_board_has_stated_a_period_that_its_scans_do_not_keep(fd: bool) -> None:
+    """Else it would be noticed after ten such periods."""
+    bench = Bench(fd)
+    bench.run(2.0)
+    bench.link.sends(stated(bench, LONGEST_PERIOD), bench.clock.now)
+    for _ in range(300):
+        bench.board.read(0.01)
+    bench.link.delay = 1_000_000 * MILLISECOND
+    silent = bench.clock.now
+    while FaultKind.NO_SCANS not in bench.board.report().conditions:
+        bench.board.read(0.01)
+        assert bench.clock.now < silent + 1000 * MILLISECOND
+
+
+@BOTH
+@pytest.mark.parametrize("delay", [1, 100, 1000])
+def test_a_late_response_to_the_stop_before_closing_does_not_stop_a_board_opened_again(fd: bool, delay: int) -> None:
+    """As when a data thread is restarted: the response arrives when the next socket is open already."""
+    bench = Bench(fd)
+    bench.link.delay = delay * MILLISECOND
+    bench.run(4 * delay / 1000 + 1)
+    bench.board.close()
+    bench.board.open()
+    bench.run(4 * delay / 1000 + 1)
+    assert bench.run(1.0) == 1000
+
+
+@BOTH
+def test_a_command_is_repeated_as_soon_whatever_period_the_board_states_meanwhile(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(2.0)
+    frame = stated(bench, LONGEST_PERIOD)
+    bench.link.change = dict.fromkeys((Command.IDENTIFY,))
+    bench.board.close()
+    bench.link.commands.clear()
+    bench.board.open()
+    bench.link.sends(frame, bench.clock.now)
+    for _ in range(100):
+        bench.board.read(0.01)
+    assert len(bench.link.commands) >= 4  # IDENTIFY, every 0.2 s
 
 
 @BOTH

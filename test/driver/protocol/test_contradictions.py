@@ -19,7 +19,19 @@ from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.protocol.ascending_stamps import AscendingStamps
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
+from posfet_driver.protocol.messages import (
+    COMMAND_OFFSET,
+    IDENTITY_OFFSET,
+    LONGEST_PERIOD,
+    PROTOCOL_VERSION,
+    RESPONSE_OFFSET,
+    Command,
+    Identification,
+    Identity,
+    Request,
+    Response,
+    Result,
+)
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
@@ -258,6 +270,23 @@ def test_a_period_that_another_host_sets_unanswered_spoils_no_classic_stamp(peri
     assert heard.scans[-1].sequence >= 384
     assert not heard.unbounded
     assert heard.accounted + 16 >= 400
+
+
+@BOTH
+@pytest.mark.parametrize("period", [1, 499, 2000, 9_000_000, LONGEST_PERIOD])
+def test_a_period_that_only_an_identity_states_spoils_no_stamp(fd: bool, period: int) -> None:
+    """The scans do not keep it; the next identity states what they keep."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(200))
+    for stated in (period, 1000):
+        identity = Identity(Identification(SENSOR.layout.id, PROTOCOL_VERSION, fd, 1), 0, stated)
+        first = heard.scans[-1].sequence + 1
+        heard.receive(first - 0.5, [(BASE + IDENTITY_OFFSET, CLASSIC, identity.pack())])
+        heard.one_by_one(Tick(sequence, sequence) for sequence in range(first, 400 if stated == period else 600))
+    assert heard.scans[-1].sequence >= 584
+    assert not heard.unbounded
+    assert heard.accounted + 16 >= 600
+    assert heard.decoder.statistics.lost_scans <= 32
 
 
 def test_a_late_response_to_an_earlier_command_spoils_no_classic_stamp() -> None:

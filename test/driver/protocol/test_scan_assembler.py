@@ -227,7 +227,7 @@ def test_late_frames_of_the_previous_boot_are_not_used(fd: bool) -> None:
     assert line.losses == {"late": 1}
 
 
-@pytest.mark.parametrize("ahead", [1 << 20, 1 << 31, (1 << 32) - 1000])
+@pytest.mark.parametrize("ahead", [1 << 20, 1 << 24, 1 << 30, 1 << 31, (1 << 32) - 1000])
 def test_a_sequence_that_jumps_is_used_only_when_it_goes_on(ahead: int) -> None:
     line = Line(True, 100)
     line.send(*range(10))
@@ -235,6 +235,18 @@ def test_a_sequence_that_jumps_is_used_only_when_it_goes_on(ahead: int) -> None:
     line.send(11, 12)
     assert line.published[-2:] == [11, 12]
     assert line.losses == {"lost_scans": 1, "missing_frames": line.codec.blocks}
+
+
+@pytest.mark.parametrize("ahead", [1 << 20, 1 << 24, 1 << 30, 1 << 31])
+def test_a_classic_header_whose_sequence_jumps_is_passed_over(ahead: int) -> None:
+    line = Line(False)
+    line.send(*range(16))
+    header = line.frames(16 + ahead, header=True, time=48_000)[0]
+    line.feed(header)
+    line.send(*range(16, 60))
+    assert line.published[-28:] == list(range(32, 60))
+    assert line.losses.pop("lost_scans", 0) <= 16
+    assert line.losses["implausible"] == 1
 
 
 def test_a_board_that_keeps_to_its_jump_is_followed_and_flagged_and_nothing_counts_as_lost() -> None:

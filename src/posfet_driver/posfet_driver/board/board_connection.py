@@ -97,7 +97,7 @@ class BoardConnection:
     @property
     def scan_timeout(self) -> int:
         """Time without a scan after which the reason is looked for [ns]."""
-        in_scans = SCAN_TIMEOUT_SCANS * self._decoder.scan_period * 1000
+        in_scans = SCAN_TIMEOUT_SCANS * self._decoder.kept_period * 1000
         return max(round(SCAN_TIMEOUT * NANOSECONDS), in_scans)
 
     def open(self) -> bool:

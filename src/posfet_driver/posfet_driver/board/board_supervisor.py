@@ -62,17 +62,19 @@ class BoardSupervisor:
         self._starter.identify()
 
     def stop(self) -> None:
-        """Stop the board before the bus is closed."""
+        """Stop the board before the bus is closed; a response that comes after that is none to what follows."""
         if self._connection.state in _STARTING:
             self._sender.send(Command.STOP)
             self._decoder.forget_gap()
+        self._sender.forget()
 
     def handle(self, received: StatusReceived | IdentityReceived | ResponseReceived) -> None:
         """Act on a message of the board."""
         connection = self._connection
         if self._decoder.scan_period != self._scan_period:  # also when another host has set it
             self._scan_period = self._decoder.scan_period
-            connection.deadline = max(connection.deadline, connection.arrival + connection.scan_timeout)
+            if connection.state == ConnectionState.SCANS:  # else a response is awaited
+                connection.deadline = max(connection.deadline, connection.arrival + connection.scan_timeout)
         if isinstance(received, ResponseReceived):
             self._handle_response(received.response)
         elif isinstance(received, StatusReceived):

@@ -59,6 +59,10 @@ class CommandSender:
         self._connection.write((self._identifier, CLASSIC, data))
         return self._tag
 
+    def forget(self) -> None:
+        """Expect no response to what was sent so far."""
+        self._sent.clear()
+
     def is_own(self, response: Response) -> bool:
         """Return whether `response` belongs to one of the newest commands."""
         return response.tag in self._sent and self._sent[response.tag][0] == response.command

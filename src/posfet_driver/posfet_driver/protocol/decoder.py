@@ -161,6 +161,11 @@ class Decoder:
         """Scan period that the board has announced [us]."""
         return round(self._scans.numbering.announced)
 
+    @property
+    def kept_period(self) -> int:
+        """Scan period that the scans keep [us]: as announced, or as measured where they contradict that."""
+        return round(self._scans.numbering.period)
+
     def set_period(self, period: int) -> None:
         """Set the scan period that the board keeps [us]."""
         self._scans.announce(float(period))
@@ -321,6 +326,8 @@ class Decoder:
                 return self._apply_response(message)
             case Identity():
                 self.identity = message
+                if self.receiving and message.period != self.scan_period:  # who knows whether the scans keep it
+                    self._classic_scans.dispute_period(self._arrival)
                 self.set_period(message.period)
                 return IdentityReceived(message)
         return None

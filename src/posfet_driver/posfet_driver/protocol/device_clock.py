@@ -72,6 +72,11 @@ class DeviceClock:
         """Whether the clock stands still while scans go on."""
         return self._in_a_row >= FROZEN_READINGS
 
+    @property
+    def half_turn(self) -> int:
+        """Time in which the readings wrap by half [us]: what is longer, they do not tell alone."""
+        return self._modulus // 2
+
     def between(self, earlier: int, later: int) -> int:
         """Return the time from one reading to another, modulo the range of readings [us]."""
         return (later - earlier) % self._modulus

@@ -69,6 +69,8 @@ class MappedDecoder:
         """Bits of ScanStatus that the newest frames set."""
         self.scan_period = round(period / 1e3)
         """Scan period of the sensor file [us]: the board does not tell."""
+        self.kept_period = self.scan_period
+        """The same: the scans measure none."""
         self.transit_time = 0.0
         """Longest time that the frames of a scan occupy the bus [s]."""
         self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED

@@ -134,7 +134,7 @@ class ScanNumbering:
         if self._is_late(number):
             self._statistics.late += 1
             return None
-        expected = self._expected(ahead, number.reading)
+        expected = self._expected(ahead, number.reading, arrival)
         if same_boot and self._fits(ahead, number.reading, expected):
             return self._advance(ahead, number.reading, expected, True, arrival)
         if self._cautious and self.boot >= 0 and not self._is_successor(number):
@@ -172,15 +172,19 @@ class ScanNumbering:
     def _jump(self, number: Number, arrival: int) -> int | None:
         """Take a number that does not fit the time."""
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
-        # The newest scan may have waited to be read for as long as the host stood still.
-        elapsed = max(self._clock.ahead(number.reading), (arrival - self._arrival) / 1000, self._clock.age(arrival))
+        elapsed = max(self._clock.ahead(number.reading), self._elapsed(arrival))
         shortest = min((self.period, *self._earlier))
         if same_boot and ahead * shortest <= FASTEST * elapsed + SLACK * self.period:
-            return self._advance(ahead, number.reading, self._expected(ahead, number.reading), False, arrival)
+            return self._advance(ahead, number.reading, self._expected(ahead, number.reading, arrival), False, arrival)
         if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
             return None
         return self._restart(number, arrival)
+
+    def _elapsed(self, arrival: int) -> float:
+        """Return the time since the newest scan on the clock of the host [us]."""
+        # It may have waited to be read for as long as the host stood still.
+        return max((arrival - self._arrival) / 1000, self._clock.age(arrival))
 
     def _fits(self, ahead: int, reading: int, expected: float) -> bool:
         """Return whether a step of the sequence fits the time that has passed on the board's clock."""
@@ -191,12 +195,18 @@ class ScanNumbering:
         most = max(LATEST * self.period, TOLERANCE * self.period + RATE_TOLERANCE * expected)
         return ahead < _HALF and abs(late) <= most
 
-    def _expected(self, ahead: int, reading: int) -> float:
-        """Return the time of a step of the sequence [us]; where the period has changed, the nearest to the reading."""
-        if not self._earlier or self._clock.stalled or self._clock.ahead(reading) == 0:
-            return ahead * self.period
-        least, most = ahead * min(self.period, *self._earlier), ahead * max(self.period, *self._earlier)
-        return min(max(self._clock.elapsed(reading, (least + most) / 2), least), most)
+    def _expected(self, ahead: int, reading: int, arrival: int) -> float:
+        """Return the time of a step of the sequence [us]; where the period has changed, the nearest to the reading.
+
+        More than half a turn of the board's clock, in which any reading fits some number of turns, is expected only
+        if so much has passed on the clock of the host.
+        """
+        expected = ahead * self.period
+        if self._earlier and not self._clock.stalled and self._clock.ahead(reading) != 0:
+            least, most = ahead * min(self.period, *self._earlier), ahead * max(self.period, *self._earlier)
+            expected = min(max(self._clock.elapsed(reading, (least + most) / 2), least), most)
+        half_turn = self._clock.half_turn
+        return expected if expected <= half_turn else min(expected, max(self._elapsed(arrival), half_turn))
 
     def _is_successor(self, number: Number) -> bool:
         """Return whether a number counts on from the candidate; two that do so alike measure the scan period."""
