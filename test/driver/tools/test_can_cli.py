@@ -9,6 +9,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -393,6 +395,32 @@ def test_a_full_disk_error_names_the_file(tmp_path: Path, suffix: str, capsys: p
     file.symlink_to("/dev/full")
     assert main(["record", str(file), "--for", "0.3", *EMULATOR]) == 1
     assert capsys.readouterr().err == f"posfet can record: {file}: cannot be written: No space left on device\n"
+
+
+NO_ROOM = """
+import resource, sys
+from pathlib import Path
+import can
+from posfet_driver.bus.recording import recording
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+with recording(Path(sys.argv[1])) as log:
+    log(can.Message(arbitration_id=1))
+"""
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+def test_no_empty_file_is_left_where_nothing_can_be_written(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    run = subprocess.run([sys.executable, "-c", NO_ROOM, str(file)], capture_output=True, text=True, check=False)
+    assert "cannot be written: File too large" in run.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_file_is_left_of_a_board_that_cannot_be_started(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bus.log"
+    assert main(["record", str(file), "--start", "-i", "virtual", "-c", uuid.uuid4().hex]) == 1
+    assert "SET_RATE: no response within 0.5 s" in capsys.readouterr().err
+    assert not file.exists()
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def check_name(file: Path) -> None:
 
 @contextlib.contextmanager
 def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
-    """Open a file for recording.
+    """Open a file for recording; when that fails before a message is in it, no file is left.
 
     Parameters
     ----------
@@ -72,15 +72,27 @@ def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
     ConfigError
         When the file cannot be written; one line.
     """
+    written = 0
+
+    def write(message: can.Message) -> None:
+        nonlocal written
+        log(message)
+        written += 1
+
     try:
         log = can.Logger(str(file))
         try:
             with log:
-                yield log
+                yield write
         finally:
             log.file.close()  # python-can's writers leave it open when they fail
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            if file.is_file() and not (written and file.stat().st_size):
+                file.unlink()
+        if isinstance(error, OSError):
+            raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
+        raise
 
 
 def _reader(file: Path, content: BinaryIO) -> can.LogReader | can.io.generic.MessageReader:
