@@ -41,7 +41,7 @@ class Line:
         self.assembler = Assembler(self.codec)
         self.sync = ClockSync()
         self.scans = FdScans(self.assembler, self.sync) if fd else ClassicScans(self.assembler, self.sync)
-        self.scans.announce(1000.0)
+        self.scans.announce(1000.0, True)
         self.published: list[int] = []
         self.times: list[int] = []
         self.send(-2, -1)

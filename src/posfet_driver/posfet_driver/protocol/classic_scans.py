@@ -68,6 +68,7 @@ class ClassicScans:
         self._earliest = self._latest = 0.0  # delays of a block whose number is certain [ns]
         self._deadline = 0.0  # arrival up to which the number of another block of the current scan is certain [ns]
         self._disputed = -DISPUTE  # when another host has last set the period [ns]
+        self._unconfirmed = False  # whether only an identity states the announced period
         self._ticks = TickLine()
         self._header = -1  # sequence of the newest header
         self._confirmed = sync.save()  # at the newest header
@@ -96,15 +97,23 @@ class ClassicScans:
         """Time by which a scan may have been sampled before its time [us]: the headers may all have been late."""
         return AGREEMENT if self._ticks.agreed else self.numbering.period
 
-    def announce(self, period: float) -> None:
-        """Take a scan period that the board announces [us]."""
-        if self.numbering.announce(period):
+    def announce(self, period: float, confirmed: bool) -> None:
+        """Take a scan period that the board announces.
+
+        Parameters
+        ----------
+        period : float
+            Scan period [us].
+        confirmed : bool
+            Whether it was set; else the next headers have to confirm it.
+        """
+        changed = self.numbering.announce(period)
+        self._unconfirmed = not confirmed and (changed or self._unconfirmed)
+        if changed:
             self._adrift = True  # the first scan at the new period has a header
             self._set_limits(period)
-            self._ticks.restart(period)
+            self._restart_ticks()
             self._group.drop_untimed()
-            if self._sync.last - self._disputed < DISPUTE:
-                self._ticks.question()
 
     def dispute_period(self, arrival: int) -> None:
         """Note that another host sets the scan period; `arrival` is that of its command [ns]."""
@@ -164,7 +173,7 @@ class ClassicScans:
         if not begun:
             self._assembler.abandon()
         if numbering.restarted:
-            self._ticks.restart(self.numbering.announced)
+            self._restart_ticks()
             self._delivered = -1
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
         numbering.period = self._ticks.nominal
@@ -288,6 +297,12 @@ class ClassicScans:
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
         return self._group.end(self._header, missing, right, next_complete)
+
+    def _restart_ticks(self) -> None:
+        """Begin another line of ticks, at the announced period; in question if that may not be the one in force."""
+        self._ticks.restart(self.numbering.announced)
+        if self._unconfirmed or self._sync.last - self._disputed < DISPUTE:
+            self._ticks.question()
 
     def _set_limits(self, period: float) -> None:
         if period != self._period:

@@ -166,9 +166,17 @@ class Decoder:
         """Scan period that the scans keep [us]: as announced, or as measured where they contradict that."""
         return round(self._scans.numbering.period)
 
-    def set_period(self, period: int) -> None:
-        """Set the scan period that the board keeps [us]."""
-        self._scans.announce(float(period))
+    def set_period(self, period: int, confirmed: bool = True) -> None:
+        """Set the scan period that the board keeps.
+
+        Parameters
+        ----------
+        period : int
+            Scan period [us].
+        confirmed : bool, default True
+            Whether it was set; what the board states unasked has to be confirmed by its scans.
+        """
+        self._scans.announce(float(period), confirmed)
 
     def sent(self, command: bytes) -> None:
         """Note a command that this driver sends: of the newest ones, the same frame is no other host's.
@@ -326,9 +334,7 @@ class Decoder:
                 return self._apply_response(message)
             case Identity():
                 self.identity = message
-                if self.receiving and message.period != self.scan_period:  # who knows whether the scans keep it
-                    self._classic_scans.dispute_period(self._arrival)
-                self.set_period(message.period)
+                self.set_period(message.period, confirmed=False)
                 return IdentityReceived(message)
         return None
 

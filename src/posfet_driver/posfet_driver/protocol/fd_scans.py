@@ -58,8 +58,16 @@ class FdScans:
     late: Final = ROUNDING
     """Time by which a scan may have been sampled before its time [us]."""
 
-    def announce(self, period: float) -> None:
-        """Take a scan period that the board announces [us]."""
+    def announce(self, period: float, confirmed: bool) -> None:
+        """Take a scan period that the board announces.
+
+        Parameters
+        ----------
+        period : float
+            Scan period [us].
+        confirmed : bool
+            Of no use here: each scan states its time.
+        """
         self.numbering.announce(period)
 
     @property
