@@ -237,11 +237,12 @@ def test_a_sequence_that_jumps_is_used_only_when_it_goes_on(ahead: int) -> None:
     assert line.losses == {"lost_scans": 1, "missing_frames": line.codec.blocks}
 
 
-@pytest.mark.parametrize("ahead", [1 << 20, 1 << 24, 1 << 30, 1 << 31])
-def test_a_classic_header_whose_sequence_jumps_is_passed_over(ahead: int) -> None:
+@pytest.mark.parametrize("time", [0, 1 << 27], ids=["true time", "false time"])
+@pytest.mark.parametrize("ahead", [1 << 20, 1 << 22, 1 << 24, 1 << 30, 1 << 31])
+def test_a_classic_header_whose_sequence_jumps_is_passed_over(ahead: int, time: int) -> None:
     line = Line(False)
     line.send(*range(16))
-    header = line.frames(16 + ahead, header=True, time=48_000)[0]
+    header = line.frames(16 + ahead, header=True, time=48_000 + time)[0]
     line.feed(header)
     line.send(*range(16, 60))
     assert line.published[-28:] == list(range(32, 60))

@@ -13,6 +13,7 @@ does not fit the time is used only when the next scan counts on from it: a count
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 from posfet_driver.protocol.device_clock import DeviceClock
@@ -172,7 +173,7 @@ class ScanNumbering:
     def _jump(self, number: Number, arrival: int) -> int | None:
         """Take a number that does not fit the time."""
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
-        elapsed = max(self._clock.ahead(number.reading), self._elapsed(arrival))
+        elapsed = self._elapsed(number.reading, arrival)
         shortest = min((self.period, *self._earlier))
         if same_boot and ahead * shortest <= FASTEST * elapsed + SLACK * self.period:
             return self._advance(ahead, number.reading, self._expected(ahead, number.reading, arrival), False, arrival)
@@ -181,16 +182,18 @@ class ScanNumbering:
             return None
         return self._restart(number, arrival)
 
-    def _elapsed(self, arrival: int) -> float:
-        """Return the time since the newest scan on the clock of the host [us]."""
-        # It may have waited to be read for as long as the host stood still.
-        return max((arrival - self._arrival) / 1000, self._clock.age(arrival))
+    def _elapsed(self, reading: int, arrival: int) -> float:
+        """Return the time since the newest scan on the clock of the host [us]; on the board's while none is mapped."""
+        age = self._clock.age(arrival)  # it may have waited to be read for as long as the host stood still
+        return max((arrival - self._arrival) / 1000, self._clock.ahead(reading) if math.isnan(age) else age)
 
     def _fits(self, ahead: int, reading: int, expected: float) -> bool:
         """Return whether a step of the sequence fits the time that has passed on the board's clock."""
         clock = self._clock
         if clock.stalled or clock.ahead(reading) == 0:
             return ahead <= UNTIMED
+        if ahead > UNTIMED and expected < (1 - RATE_TOLERANCE) * ahead * min((self.period, *self._earlier)):
+            return False  # so much has not passed on the clock of the host
         late = clock.late + clock.elapsed(reading, expected) - expected  # against its tick, if the newest one is known
         most = max(LATEST * self.period, TOLERANCE * self.period + RATE_TOLERANCE * expected)
         return ahead < _HALF and abs(late) <= most
@@ -206,7 +209,7 @@ class ScanNumbering:
             least, most = ahead * min(self.period, *self._earlier), ahead * max(self.period, *self._earlier)
             expected = min(max(self._clock.elapsed(reading, (least + most) / 2), least), most)
         half_turn = self._clock.half_turn
-        return expected if expected <= half_turn else min(expected, max(self._elapsed(arrival), half_turn))
+        return expected if expected <= half_turn else min(expected, max(self._elapsed(reading, arrival), half_turn))
 
     def _is_successor(self, number: Number) -> bool:
         """Return whether a number counts on from the candidate; two that do so alike measure the scan period."""
