@@ -11,6 +11,7 @@ In the folder test:
 
 python -m support.long_runs --scans 1000000
 python -m support.long_runs --frames 10000000
+python -m support.long_runs --changed 600
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from __future__ import annotations
 import argparse
 import random
 import time
+from collections.abc import Iterator
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
 from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.messages import Command
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
@@ -130,10 +133,86 @@ def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
     return taken, Usage.now().memory - growth_from
 
 
+class ChangedFrames:
+    """A board of which each frame may be changed, lost, or followed by any other; responses keep their tags mostly."""
+
+    def __init__(self, fd: bool, clock: SteppedClock, noise: random.Random) -> None:
+        self.firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), clock.now)
+        self.probability = 0.3
+        self.commands = 0
+        self._clock, self._noise = clock, noise
+
+    def next_due(self) -> int:
+        return min(self.firmware.next_due(), self._clock.now + 1_000_000)
+
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
+        return list(self._changed(self.firmware.due(now)))
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        self.commands += 1
+        return list(self._changed(self.firmware.receive(frame, now)))
+
+    def _changed(self, frames: list[Frame]) -> Iterator[Frame]:
+        noise, probability = self._noise, self.probability
+        for identifier, kind, data in frames:
+            changed = bytearray(data)
+            for _ in range(noise.randrange(1, 4) if noise.random() < probability else 0):
+                changed[noise.randrange(len(changed))] ^= 1 << noise.randrange(8)
+            if noise.random() >= 0.3 * probability:
+                yield identifier, kind, bytes(changed)
+            if noise.random() < 0.3 * probability:
+                yield any_frame(noise, [(identifier, kind, data)])
+
+
+def fuzz_board(seconds: float, fd: bool, seed: int) -> dict[str, float]:
+    """Let a driver find, start and read a board of changed frames, while users send commands and the bus fails.
+
+    Asserts that no counter falls, that the board is not flooded with commands, and that scans flow at the end, when the
+    board tells the truth again; returns how many scans were published and lost, and the time to the first of these [s].
+    """
+    noise, clock = random.Random(seed), SteppedClock()
+    link, buses = ChangedFrames(fd, clock, noise), list[SteppedBus]()
+
+    def open_bus() -> SteppedBus:
+        if noise.random() < 0.2:
+            raise OSError("not there")
+        buses.append(SteppedBus(clock, link))
+        return buses[-1]
+
+    board = Board(with_fd(SENSOR, fd), open_bus, clock)
+    board.open()
+    counters: dict[str, int] = {}
+    end = round(seconds * 1e9)
+    while clock.now < end:
+        if noise.random() < 0.01:
+            link.probability = noise.choice((0.0, 0.01, 0.3, 0.9))
+        if noise.random() < 0.002:
+            command = noise.choice([command for command in Command if command != Command.STOP])
+            board.submit(command, noise.choice((0, 1, 499, 1000, 2000, 0xFFFF_FFFF)))
+        if noise.random() < 0.0005 and buses:
+            buses[-1].broken = True
+        if noise.random() < 0.001:
+            clock.now += round(noise.expovariate(1.0) * 1e9)  # delay of the host
+        board.read(0.01)
+        report = board.report()
+        named = {**report.fault_counts, **report.counters, "frames lost": report.frames_lost, "scans": report.scans}
+        before, counters = counters, {str(name): count for name, count in named.items()}
+        assert all(count >= before.get(name, 0) for name, count in counters.items()), (before, counters)
+    assert link.commands < 20 * seconds + 20
+    link.probability = 0.0
+    told = clock.now
+    while board.read(0.01) is None or board.report().state != "receiving scans":
+        assert clock.now < told + 10_000_000_000, board.report()
+    recovery, lost = (clock.now - told) / 1e9, board.decoder.statistics.lost_scans
+    assert lost <= 5 * clock.now / 1e6 + 1000, f"{lost} scans lost in {clock.now / 1e9:.1f} s"  # a tick takes 1 ms
+    return {"scans": board.decoder.scans, "lost": lost, "recovery": recovery}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--scans", type=int, default=0)
     parser.add_argument("--frames", type=int, default=0)
+    parser.add_argument("--changed", type=float, default=0.0, metavar="SECONDS", help="a board of changed frames")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     for fd in (True, False):
@@ -150,6 +229,9 @@ def main() -> None:
             taken, growth = fuzz(options.frames, fd, options.seed)
             print(name, f"{taken} frames, memory grew by {growth} bytes, {time.monotonic() - begin:.0f} s", flush=True)
             assert growth < 1 << 20
+        if options.changed:
+            found = fuzz_board(options.changed, fd, options.seed)
+            print(name, f"{options.changed:g} s of changed frames: {found}", flush=True)
 
 
 if __name__ == "__main__":

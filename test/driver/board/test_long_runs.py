@@ -18,7 +18,7 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.fake_board import FakeBoard
 from support.fault_injector import FaultInjector, InjectedFault
-from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, scans_under_faults
+from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, fuzz_board, scans_under_faults
 from support.soak import FAULTS, RENAMED, TARGET_RECOVERY, UNPLUGGED, WRONG_BITRATE, Soak, main
 
 BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
@@ -46,6 +46,16 @@ def test_arbitrary_frames_cause_no_failure(fd: bool) -> None:
     frames, growth = fuzz(200_000, fd, 4)
     assert frames >= 200_000
     assert growth < 1 << 20
+
+
+@BOTH
+@pytest.mark.parametrize("seed", [0, 6])
+def test_a_board_whose_frames_are_changed_ends_nothing_and_is_received_once_it_tells_the_truth(
+    fd: bool, seed: int
+) -> None:
+    found = fuzz_board(3.0, fd, seed)
+    assert found["scans"] > 0
+    assert found["recovery"] < 2.0
 
 
 @pytest.mark.parametrize("fault", [fault for fault in FAULTS if isinstance(fault, InjectedFault)])
