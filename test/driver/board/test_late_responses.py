@@ -96,8 +96,12 @@ class Bench:
     def __init__(self, fd: bool = True) -> None:
         self.clock = SteppedClock()
         self.link = SlowLink(fd)
-        self.board = Board(with_fd(SENSOR, fd), lambda: SteppedBus(self.clock, self.link), self.clock)
+        self.board = Board(with_fd(SENSOR, fd), self._open_bus, self.clock)
         self.board.open()
+
+    def _open_bus(self) -> SteppedBus:
+        self.bus = SteppedBus(self.clock, self.link)
+        return self.bus
 
     def run(self, seconds: float) -> int:
         """Advance the time; return the number of scans, each of which has the right number and stamp."""
@@ -310,6 +314,23 @@ def test_a_rate_that_another_host_sets_is_followed(fd: bool) -> None:
     assert bench.board.decoder.scan_period == 2_000_000
     assert bench.board.restarted == 0  # a scan in two seconds is no silence
     assert bench.board.report().values["scan period [ms]"] == "2000"
+
+
+@BOTH
+def test_a_board_that_a_user_has_stopped_is_left_alone_though_the_adapter_was_unplugged(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.board.request(Command.STOP)
+    bench.bus.broken = True
+    assert bench.run(3.0) == 0
+    assert bench.board.bus.opened == 2
+    assert bench.board.report().state == "stopped on request"
+    assert not bench.link.board.running
+    bench.board.request(Command.START)
+    assert bench.run(1.0) >= 999
+    bench.bus.broken = True
+    bench.run(1.0)
+    assert bench.run(1.0) == 1000
 
 
 def stated(bench: Bench, period: int) -> Frame:

@@ -56,9 +56,11 @@ class BoardSupervisor:
         self._sender = CommandSender(connection, decoder, sensor.can.base_id)
         self._starter = BoardStarter(sensor, connection, decoder, self._sender, clock)
         self._scan_period = decoder.scan_period  # in force [us]
+        self._stopped = False  # by a user
 
     def start(self) -> None:
         """Identify the board and start it: the bus is open."""
+        self._stopped = False
         self._starter.identify()
 
     def stop(self) -> None:
@@ -87,7 +89,7 @@ class BoardSupervisor:
         connection = self._connection
         if connection.state == ConnectionState.BUS:
             if connection.reopen():
-                self._starter.identify()
+                self._go_on()
             return
         if connection.state == ConnectionState.SCANS:
             self.restarted += 1
@@ -124,10 +126,18 @@ class BoardSupervisor:
         if not self._sender.is_own(response):
             return
         asked = self.commands.complete(response) is not None
-        stopped = response.command == Command.STOP and response.result == Result.OK
-        if stopped and self._connection.state != ConnectionState.CLOSED:
-            self._connection.flowing, self._connection.fault = False, None
+        if response.result == Result.OK and response.command in {Command.STOP, Command.START}:
+            self._stopped = response.command == Command.STOP
+        if self._stopped and response.command == Command.STOP and self._connection.state != ConnectionState.CLOSED:
             self._decoder.forget_gap()
-            self._connection.enter(ConnectionState.STOPPED, "stopped on request", 0.0)
+            self._go_on()
         else:
             self._starter.handle_response(response, asked)
+
+    def _go_on(self) -> None:
+        """Identify the board and start it, unless a user has stopped it: then it is left alone."""
+        if not self._stopped:
+            self._starter.identify()
+            return
+        self._connection.flowing, self._connection.fault = False, None
+        self._connection.enter(ConnectionState.STOPPED, "stopped on request", 0.0)
