@@ -34,7 +34,7 @@ from posfet_model.ros.start import BLAS_THREADS
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results"
 SUBJECTS = {
-    "latency": ("latency.end_to_end", 180.0),
+    "latency": ("latency.end_to_end", 360.0),
     "ordinary": ("latency.baseline", 120.0),
     "sustained": ("latency.sustained_rate", 360.0),
     "startup": ("latency.startup", 120.0),

@@ -91,7 +91,7 @@ def test_serialised_contacts_equal_those_of_the_middleware() -> None:
 
 
 def contacts_publisher(node: ModelNode) -> Any:
-    [publisher] = [publisher for publisher in node.publishers if publisher.topic_name.endswith("/contacts")]
+    [publisher] = [publisher for publisher in node.publishers if publisher.topic_name == "/contacts"]
     return publisher
 
 

@@ -160,7 +160,7 @@ def test_thresholds_that_do_not_fit_change_nothing(bench: Bench) -> None:
     assert not done
     assert "contact_threshold" in reason
     assert change(node, display_rate=5.0) == (True, "")
-    assert node._outputs.marker_period == 200_000_000
+    assert node._outputs.display.period == 200_000_000
     assert node.parameters["contact_threshold"] == 0.0
 
 

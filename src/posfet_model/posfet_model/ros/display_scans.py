@@ -23,11 +23,13 @@ class DisplayScans:
 
     def __init__(self, rate: float) -> None:
         self._number = -1  # of the period of the last scan
+        self.period = 0
+        """Length of a period [ns]."""
         self.change(rate)
 
     def change(self, rate: float) -> None:
         """Use another rate [Hz]."""
-        self._period = max(round(NANOSECONDS / rate), 1)
+        self.period = max(round(NANOSECONDS / rate), 1)
 
     def due(self, stamp: int) -> bool:
         """Return whether a scan is for displays.
@@ -37,7 +39,7 @@ class DisplayScans:
         stamp : int
             Its stamp [ns].
         """
-        number = stamp // self._period
+        number = stamp // self.period
         if number == self._number:
             return False
         self._number = number
