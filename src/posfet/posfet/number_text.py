@@ -26,3 +26,8 @@ def fixed(value: float, decimals: int) -> str:
         return "?"
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0.0 else text
+
+
+def counted(count: int, thing: str) -> str:
+    """Return "1 scan", "2 scans"."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"

@@ -122,6 +122,19 @@ def test_a_small_terminal_gets_a_smaller_view_with_a_word_on_it() -> None:
 
 
 @pytest.mark.parametrize(
+    ("lost", "width", "expected"),
+    [
+        (0, 80, "tactile  forces valid     1000 scans/s  0 frames lost, 0 scans missing"),
+        (0, 64, "forces valid     1000 scans/s  0 frames lost, 0 scans missing"),
+        (0, 36, "forces valid   1000 scans/s"),
+        (1, 45, "forces valid  1 frame lost, 1 scan missing"),
+    ],
+)
+def test_in_a_narrow_terminal_losses_come_before_name_and_rate(lost: int, width: int, expected: str) -> None:
+    assert lines(with_snapshot(frames_lost=lost, scans_lost=lost), width)[0].strip() == expected
+
+
+@pytest.mark.parametrize(
     ("rows", "cols", "width", "height", "colours", "cells"),
     [
         (5, 5, 37, 15, True, NUMBERS),

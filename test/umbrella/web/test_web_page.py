@@ -77,6 +77,16 @@ def test_the_values_are_those_of_the_messages(page: Page) -> None:
         assert page.errors == []
 
 
+def test_a_small_deviation_has_digits_and_one_is_singular(page: Page) -> None:
+    changed = replace(SNAPSHOT, standard_deviation=np.full(6, 0.0002, np.float32), frames_lost=1, scans_lost=1)
+    sensor = FakeSensor(shown=replace(changed, force=np.full(6, -0.002, np.float32)))
+    with WebServer([sensor.viewed], TOKEN) as server:
+        page.open(server.link)
+        wait_text(page, "taxel", "row 1, column 1: −0.0020 ± 0.0002 N")
+        wait_text(page, "losses", "1 frame lost, 1 scan missing")
+        assert page.errors == []
+
+
 def test_unknown_is_a_word(page: Page) -> None:
     force = np.full(6, math.nan, np.float32)
     sensor = FakeSensor(shown=replace(SNAPSHOT, force=force, total_force=math.nan, data_valid=False, contacts=()))

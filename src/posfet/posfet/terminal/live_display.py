@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from rich.console import Group
 from rich.text import Text
 
-from posfet.number_text import fixed, signed
+from posfet.number_text import counted, fixed, signed
 from posfet.snapshot import ContactView, Snapshot, position_error
 from posfet.terminal.force_history import SPAN, ForceHistory
 from posfet.terminal.force_map import KINDS, fitting, map_lines
@@ -84,7 +84,7 @@ def render(shown: Shown, width: int, height: int, colours: bool = True) -> Group
         picture = map_lines(snapshot, cells, shown.full_scale, shown.pitch)
         columns = cells.size(snapshot.rows, snapshot.cols)[0]
         beside = _beside(shown, panel)
-        lines = [*_head(shown), Text("")]
+        lines = [*_head(shown, width), Text("")]
         for index in range(max(len(picture), len(beside))):
             line = picture[index].copy() if index < len(picture) else Text("")
             line.pad_right(columns + 2 - line.cell_len)
@@ -96,18 +96,21 @@ def render(shown: Shown, width: int, height: int, colours: bool = True) -> Group
     return Group(*lines[:height])
 
 
-def _head(shown: Shown) -> list[Text]:
-    """Return two lines: state and losses; what is wrong."""
+def _head(shown: Shown, width: int) -> list[Text]:
+    """Return two lines: state and losses; what is wrong. Where they do not fit, name and rate give way to losses."""
     snapshot = shown.snapshot
     state, style = ("forces valid", "green") if snapshot.data_valid else ("forces unknown", "yellow")
-    lost = "yellow" if snapshot.frames_lost or snapshot.scans_lost else "dim"
-    words = Text.assemble(
-        (f"{shown.name}  " if shown.name else "", "bold"),
-        (f"{state:14}", style),
-        f"  {fixed(shown.scan_rate, 0):>5} scans/s  ",
-        (f"{snapshot.frames_lost} frames lost, {snapshot.scans_lost} scans missing", lost),
+    lost = bool(snapshot.frames_lost or snapshot.scans_lost)
+    frames, scans = counted(snapshot.frames_lost, "frame"), counted(snapshot.scans_lost, "scan")
+    losses = (f"{frames} lost, {scans} missing", "yellow" if lost else "dim")
+    name, rate = f"{shown.name}  " if shown.name else "", f"{fixed(shown.scan_rate, 0):>5} scans/s  "
+    valid = (f"{state:14}  ", style)
+    texts = (
+        Text.assemble((name, "bold"), valid, rate, losses),
+        Text.assemble(valid, rate, losses),
+        Text.assemble((f"{state}  ", style), losses if lost else rate),
     )
-    return [words, _trouble(shown)]
+    return [next((text for text in texts if text.cell_len <= width), texts[-1]), _trouble(shown)]
 
 
 def _trouble(shown: Shown) -> Text:
@@ -174,7 +177,7 @@ def _small(shown: Shown, width: int, height: int, colours: bool) -> list[Text]:
     """Return the smaller view, and a word on what a larger terminal shows."""
     snapshot = shown.snapshot
     listed = [Text(_contact(contact, False).strip()) for contact in snapshot.contacts]
-    head = [*_head(shown), Text(f"total force {_total(snapshot)}", style="bold")]
+    head = [*_head(shown, width), Text(f"total force {_total(snapshot)}", style="bold")]
     columns, lines = _needed(snapshot, colours)
     foot = [Text(f"small terminal: {columns} × {lines} or more shows it all", style="dim"), _foot(shown)[1]]
     cells = fitting(snapshot.rows, snapshot.cols, width, height - len(head) - len(foot) - 2, colours)

@@ -3,20 +3,26 @@
 import { fitted, markColour, themed } from "./canvas.js";
 import { fixed } from "./numbers.js";
 import { multiplied, perspective, turned } from "./matrices.js";
-import { arrow, drawContacts } from "./overlay.js";
+import { arrow, drawContacts, drawIds } from "./overlay.js";
 import { placed, taxelCentre } from "./surface.js";
 
+const BAR = 0.46; // half the width of a bar [pitch]
 const VERTEX = `#version 300 es
+const float CHIP_WIDTH = ${(0.5 / BAR + 0.005).toFixed(4)};
+const vec3 CHIP_COLOUR = vec3(0.30, 0.33, 0.42);
 uniform mat4 view;
+uniform float chip; // 0: bars on the taxels; else the chip below them, of this thickness
 in vec3 corner, shade, point, u, v, n;
 in vec4 colour;
 in float height;
 out vec3 lit;
 void main() {
-  vec3 place = point + corner.x * u + corner.y * v + (corner.z * height) * n;
+  float above = chip > 0.0 ? (corner.z - 1.0) * chip : corner.z * height;
+  float wide = chip > 0.0 ? CHIP_WIDTH : 1.0;
+  vec3 place = point + wide * (corner.x * u + corner.y * v) + above * n;
   vec3 normal = normalize(shade.x * normalize(u) + shade.y * normalize(v) + shade.z * n);
   float light = 0.62 + 0.38 * max(dot(normal, normalize(vec3(0.35, -0.5, 0.8))), 0.0);
-  lit = colour.rgb * light;
+  lit = (chip > 0.0 ? CHIP_COLOUR : colour.rgb) * light;
   gl_Position = view * vec4(place, 1.0);
 }`;
 const FRAGMENT = `#version 300 es
@@ -25,6 +31,7 @@ in vec3 lit;
 out vec4 shown;
 void main() { shown = vec4(lit, 1.0); }`;
 const FULL = 0.34; // height of a bar at full scale [size of the array]
+const CHIP = 0.035; // thickness of the chip [size of the array]
 const START = { yaw: -0.55, pitch: 0.95, zoom: 1 };
 
 /** Corners and normals of a box from z = 0 to 1 without its bottom, two triangles a side. */
@@ -106,7 +113,7 @@ export class Chip3d {
     const places = [];
     for (let index = 0; index < array.rows * array.cols; index += 1) {
       const { point, normal, u, v } = placed(array, ...taxelCentre(array, index));
-      const half = [array.pitch[0] * 0.46, array.pitch[1] * 0.46];
+      const half = [array.pitch[0] * BAR, array.pitch[1] * BAR];
       places.push(...point, ...u.map((each) => each * half[0]), ...v.map((each) => each * half[1]), ...normal);
     }
     attribute(gl, this.program, [["point", 3], ["u", 3], ["v", 3], ["n", 3]], new Float32Array(places), 1);
@@ -135,9 +142,10 @@ export class Chip3d {
         return at(point.map((each, i) => each + normal[i] * height));
       };
     };
-    drawContacts(context, frame, around, theme);
-    for (const contact of frame.contacts) this.push(context, contact, around, at, scale, theme);
     this.axes(context, at, theme);
+    drawContacts(context, frame, around);
+    for (const contact of frame.contacts) this.push(context, contact, around, at, scale, theme);
+    drawIds(context, frame, around, theme, 1);
   }
 
   /** The force of a contact on the chip: an arrow along the normal, with its standard deviation. */
@@ -156,8 +164,9 @@ export class Chip3d {
     context.strokeStyle = theme.card;
     context.fillStyle = theme.text;
     const text = `${fixed(contact.force, 2)} ± ${fixed(contact.deviation, 2, "?")} N`;
-    context.strokeText(text, start[0], start[1] - 4);
-    context.fillText(text, start[0], start[1] - 4);
+    const y = Math.max(start[1] - 4, 16);
+    context.strokeText(text, start[0], y);
+    context.fillText(text, start[0], y);
   }
 
   forceAt(frame, x, y) {
@@ -191,7 +200,10 @@ export class Chip3d {
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, bars);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "view"), false, view);
-    gl.drawArraysInstanced(gl.TRIANGLES, 0, this.vertices, frame.force.length);
+    for (const thickness of [CHIP * this.size, 0]) {
+      gl.uniform1f(gl.getUniformLocation(this.program, "chip"), thickness);
+      gl.drawArraysInstanced(gl.TRIANGLES, 0, this.vertices, frame.force.length);
+    }
   }
 
   view(aspect) {

@@ -2,7 +2,7 @@
 
 import { fitted, hatch, themed } from "./canvas.js";
 import { fixed, tickText, ticks } from "./numbers.js";
-import { drawContacts } from "./overlay.js";
+import { drawContacts, drawIds } from "./overlay.js";
 
 const LEFT = 40, BOTTOM = 36, TOP = 6, RIGHT = 66, BAR = 14, GAP = 14;
 const LEAST_FOR_NUMBERS = 38; // width of a cell from which on it has its number [px]
@@ -38,9 +38,11 @@ export class ForceMap {
     const gap = Math.min(2, size[0] * 0.06);
     context.textAlign = "center";
     context.textBaseline = "middle";
+    const texts = [];
     for (let index = 0; index < frame.force.length; index += 1) {
       const x = left + (index % array.cols) * size[0] + gap / 2, y = bottom - (Math.floor(index / array.cols) + 1) * size[1] + gap / 2;
-      this.taxel(context, x, y, size[0] - gap, size[1] - gap, frame, index, scale, colours, statuses, theme);
+      const text = this.taxel(context, x, y, size[0] - gap, size[1] - gap, frame, index, scale, colours, statuses, theme);
+      if (text) texts.push(text);
     }
     if (chosen !== null) {
       const corner = [left + (chosen % array.cols) * size[0], bottom - (Math.floor(chosen / array.cols) + 1) * size[1]];
@@ -49,28 +51,31 @@ export class ForceMap {
         context.strokeRect(...corner, ...size);
       }
     }
-    drawContacts(context, frame, () => at, theme);
+    drawContacts(context, frame, () => at);
+    for (const [text, ...place] of texts) number(context, text, ...place);
+    drawIds(context, frame, () => at, theme, -1);
     this.axes(context, at, wide, high, left, bottom, theme);
     this.colourBar(context, left + wide * pixels + GAP, bottom - high * pixels, high * pixels, scale, colours, theme);
   }
 
+  /** Fills a cell and returns its number with what `number` takes; null where there is none. */
   taxel(context, x, y, width, height, frame, index, scale, colours, statuses, theme) {
     const force = frame.force[index], status = statuses[frame.status[index]];
     const numbers = width >= LEAST_FOR_NUMBERS && height >= 20;
     if (Number.isNaN(force)) {
       hatch(context, x, y, width, height, theme);
-      if (!numbers) return;
+      if (!numbers) return null;
       context.fillStyle = theme.text;
       context.fillText(status === "ok" ? "?" : status, x + width / 2, y + height / 2, width - 4);
-      return;
+      return null;
     }
     const level = Math.min(Math.max(force / scale, 0), 1);
     context.fillStyle = colours[Math.round(level * (colours.length - 1))];
     context.fillRect(x, y, width, height);
-    if (!numbers) return;
-    context.fillStyle = level > 0.55 ? "#000c" : level < 0.02 ? "#fff9" : "#fffd";
-    const bound = status === "saturated" ? "≥ " : "";
-    context.fillText(bound + fixed(force, width > 50 ? 3 : 2).replace("-", "−"), x + width / 2, y + height - 11, width - 4);
+    if (!numbers) return null;
+    const text = (status === "saturated" ? "≥ " : "") + fixed(force, width > 50 ? 3 : 2).replace("-", "−");
+    const ink = level > 0.55 ? "#000c" : level < 0.02 ? "#fff9" : "#fffd";
+    return [text, x + width / 2, y + height - 11, width - 4, ink, context.fillStyle];
   }
 
   axes(context, at, wide, high, left, bottom, theme) {
@@ -116,6 +121,18 @@ export class ForceMap {
     }
     context.fillText("N", x + BAR + 7, top + height + 14);
   }
+}
+
+/** A number in the colour `ink`, on a rim in the colour of its cell, so that it is legible over the marks of contacts. */
+function number(context, text, x, y, most, ink, cell) {
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.lineJoin = "round";
+  context.lineWidth = 3.5;
+  context.strokeStyle = cell;
+  context.strokeText(text, x, y, most);
+  context.fillStyle = ink;
+  context.fillText(text, x, y, most);
 }
 
 function line(context, x, y, endX, endY) {

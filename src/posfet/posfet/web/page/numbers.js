@@ -15,10 +15,16 @@ export function signed(value, decimals) {
   return Number(text) > 0 ? `+${text}` : text.replace("-", "−");
 }
 
-/** "1.234 N" with its standard deviation, which may be unknown. */
+/** "1.234 ± 0.012" with its standard deviation, which may be unknown; as many decimals as a small deviation needs. */
 export function withDeviation(value, deviation) {
   if (fixed(value, 3, "") === "") return UNKNOWN;
-  return `${fixed(value, 3)} ± ${fixed(deviation, 3, "?")}`;
+  const decimals = deviation > 0 ? Math.min(Math.max(3, Math.ceil(-Math.log10(deviation))), 6) : 3;
+  return `${fixed(value, decimals).replace("-", "−")} ± ${fixed(deviation, decimals, "?")}`;
+}
+
+/** "1 scan", "2 scans". */
+export function counted(count, thing) {
+  return `${count} ${thing}${count === 1 ? "" : "s"}`;
 }
 
 /** The smallest of 1, 2, 5 times a power of ten that is not below a value > 0. */

@@ -3,18 +3,35 @@
 import { markColour } from "./canvas.js";
 import { arrowEnd, ellipse } from "./surface.js";
 
-/** Draws with `around(x, y)`, which returns what maps points near this one to canvas coordinates. */
-export function drawContacts(context, frame, around, colours) {
-  for (const { x, y } of frame.truth) cross(context, ...around(x, y)(x, y));
-  for (const contact of frame.contacts) {
+const LABEL = 13; // distance of the middle of an id from the ellipse, and from its least radius [px]
+const LEAST = 15; // [px]
+
+/** Draws with `around(x, y)`, which returns what maps points near this one to canvas coordinates; ids by `drawIds`. */
+export function drawContacts(context, frame, around) {
+  for (const { x, y } of frame.truth) ring(context, ...around(x, y)(x, y));
+  for (const contact of located(frame)) {
     const at = around(contact.x, contact.y);
-    if (contact.x === null || contact.y === null) continue;
     const colour = markColour(contact.id);
     outlined(context, ellipse(contact).map(([x, y]) => at(x, y)), colour);
     const end = arrowEnd(contact);
     if (end) arrow(context, at(contact.x, contact.y), at(...end), colour);
-    label(context, `#${contact.id}`, ...at(contact.x, contact.y), colour, colours);
+    dot(context, ...at(contact.x, contact.y), colour);
   }
+}
+
+/** The id of each contact beside its ellipse, so that its middle stays free: above it (side -1) or below it (1). */
+export function drawIds(context, frame, around, colours, side) {
+  for (const contact of located(frame)) {
+    const at = around(contact.x, contact.y);
+    const [x, y] = at(contact.x, contact.y);
+    const heights = ellipse(contact).map((point) => at(...point)[1]);
+    const above = Math.min(...heights, y - LEAST) - LABEL, below = Math.max(...heights, y + LEAST) + LABEL;
+    label(context, `#${contact.id}`, x, side < 0 && above > LABEL ? above : below, markColour(contact.id), colours);
+  }
+}
+
+function located({ contacts }) {
+  return contacts.filter(({ x, y }) => x !== null && y !== null);
 }
 
 function outlined(context, points, colour) {
@@ -52,8 +69,19 @@ function label(context, text, x, y, colour, colours) {
   context.font = context.font.replace(/^(600|bold) /, "");
 }
 
+/** A centre of pressure. */
+function dot(context, x, y, colour) {
+  context.beginPath();
+  context.arc(x, y, 4, 0, 2 * Math.PI);
+  context.fillStyle = colour;
+  context.strokeStyle = "#000b";
+  context.lineWidth = 1.5;
+  context.fill();
+  context.stroke();
+}
+
 /** The mark of the ground truth: a ring with four arms. */
-function cross(context, x, y) {
+function ring(context, x, y) {
   for (const [width, style] of [[4, "#000b"], [1.6, "#fff"]]) {
     context.beginPath();
     context.arc(x, y, 13, 0, 2 * Math.PI);

@@ -4,7 +4,7 @@ import { Actions } from "./actions.js";
 import { contactColour, themed } from "./canvas.js";
 import { Chip3d } from "./chip_3d.js";
 import { ForceMap } from "./force_map.js";
-import { UNKNOWN, fixed, nice, signed, withDeviation } from "./numbers.js";
+import { UNKNOWN, counted, fixed, nice, signed, withDeviation } from "./numbers.js";
 import { SPAN, Series, drawChart } from "./strip_chart.js";
 
 const LEAST_SCALE = 0.2; // smallest full scale of the colours [N], so that noise stays dark
@@ -143,7 +143,7 @@ export class SensorCard {
     fields.rate.textContent = to > from ? `${fixed((last - first) / (to - from), 0)} scans/s` : "";
     fields.behind.textContent = behind > OLD ? "" : `${fixed(Math.max(behind, 0), 0)} ms behind`;
     const lost = frame.frames_lost || frame.scans_lost;
-    fields.losses.textContent = `${frame.frames_lost} frames lost, ${frame.scans_lost} scans missing`;
+    fields.losses.textContent = `${counted(frame.frames_lost, "frame")} lost, ${counted(frame.scans_lost, "scan")} missing`;
     fields.losses.className = lost ? "small warn" : "quiet";
     const notice = frame.calibration.startsWith("uncalibrated") ? frame.calibration : "";
     fields.notice.textContent = notice;
