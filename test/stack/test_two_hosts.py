@@ -7,7 +7,7 @@
 
 """Two hosts on this machine: a stack on one of them is found, counted and commanded from the other.
 
-docs/beyond-one-machine.md has the three ways in which they find each other.
+docs/several-machines.md has the three ways in which they find each other.
 """
 
 from __future__ import annotations

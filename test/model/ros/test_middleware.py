@@ -129,7 +129,10 @@ SYSTEM_DEFAULT = {PROFILES: str(LOCALHOST), RANGE: "SYSTEM_DEFAULT"}
         ({RANGE: "SUBNET"}, True, {PROFILES: str(NETWORK)}),
         ({RANGE: "LOCALHOST"}, True, SYSTEM_DEFAULT),
         ({RANGE: "LOCALHOST", PROFILES: str(NETWORK)}, True, SYSTEM_DEFAULT),  # of a parent process
+        # Of a parent process from another installation, such as the sources: it must not keep this one off the network.
+        ({RANGE: "SUBNET", PROFILES: f"/other/posfet_model/ros/{LOCALHOST.name}"}, True, {PROFILES: str(NETWORK)}),
         ({RANGE: "LOCALHOST", PROFILES: "own.xml"}, True, {}),
+        ({RANGE: "LOCALHOST", PROFILES: f"/etc/{LOCALHOST.name}"}, True, {}),
         # With another middleware the range must stay: it does not read the settings that replace it.
         ({RANGE: "LOCALHOST"}, False, {PROFILES: str(NETWORK)}),
         ({RANGE: "LOCALHOST", "ROS_STATIC_PEERS": "192.0.2.1"}, True, {PROFILES: str(NETWORK)}),

@@ -45,13 +45,18 @@ def settings(environment: Mapping[str, str], fast_dds_2: bool) -> dict[str, str]
     dict of str to str
         Values by name; none if the user has settings.
     """
-    own = {str(NETWORK), str(LOCALHOST)}  # of a parent process of this stack
-    if environment.get(PROFILES) and environment[PROFILES] not in own:
+    given = environment.get(PROFILES)
+    if given and not _is_of_this_stack(Path(given)):
         return {}
     local = environment.get(_RANGE) == "LOCALHOST" and not any(environment.get(name) for name in _EXTENDING)
     if fast_dds_2 and local and LOCALHOST.is_file():
         return {PROFILES: str(LOCALHOST), _RANGE: "SYSTEM_DEFAULT"}
     return {PROFILES: str(NETWORK)}
+
+
+def _is_of_this_stack(path: Path) -> bool:
+    """Return whether a parent process of this stack has set the path; its installation may be another one."""
+    return path.name in {NETWORK.name, LOCALHOST.name} and path.parts[-3:-1] == NETWORK.parts[-3:-1]
 
 
 def _fast_dds_2() -> bool:
