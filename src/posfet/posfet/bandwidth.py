@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from rclpy.qos import QoSProfile
 
-from posfet.raw_topics import RawTopics
+from posfet.raw_topics import RawTopics, add_topic_options
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import exit_code
@@ -201,16 +201,7 @@ def make_parser() -> argparse.ArgumentParser:
         description="Count messages and bytes of each topic of running stacks, and what a network interface carries. "
         "A topic is computed and sent while somebody subscribes to it, as this command does.",
     )
-    parser.add_argument(
-        "--namespace", nargs="+", default=["tactile"], help="namespaces of the sensors (default: tactile)"
-    )
-    parser.add_argument(
-        "--topics",
-        nargs="+",
-        default=(),
-        metavar="TOPIC",
-        help="topics of each sensor, such as contacts image, or full names (default: all, /diagnostics and /tf)",
-    )
+    add_topic_options(parser, "contacts image")
     parser.add_argument("--best-effort", action="store_true", help="do not ask for lost messages again")
     parser.add_argument(
         "--interface", default="", metavar="NAME", help="also count the bytes on this one, such as eth0"

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -25,6 +26,30 @@ DEPTH: Final = 1000
 """Depth of the queue of a topic: one second at 1 kHz."""
 DISCOVERY_PERIOD: Final = 0.25
 """Period at which new topics are looked for [s]."""
+
+
+def add_topic_options(parser: argparse.ArgumentParser, example: str, note: str = "") -> None:
+    """Add the options --namespace and --topics, which say what a command subscribes to.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Parser of the command.
+    example : str
+        Topics of each sensor, as an example.
+    note : str, optional
+        Addition to the help.
+    """
+    parser.add_argument(
+        "--namespace", nargs="+", default=["tactile"], help="namespaces of the sensors (default: tactile)"
+    )
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=(),
+        metavar="TOPIC",
+        help=f"topics of each sensor, such as {example}, or full names (default: all, /diagnostics and /tf{note})",
+    )
 
 
 class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types

@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from rclpy.qos import QoSProfile
 
-from posfet.raw_topics import COMMON, RawTopics
+from posfet.raw_topics import COMMON, RawTopics, add_topic_options
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import exit_code
@@ -263,17 +263,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "file", metavar="FILE", nargs="?", type=Path, help="file to write (default: posfet_<date and time>.mcap)"
     )
-    parser.add_argument(
-        "--namespace", nargs="+", default=["tactile"], help="namespaces of the sensors (default: tactile)"
-    )
-    parser.add_argument(
-        "--topics",
-        nargs="+",
-        default=(),
-        metavar="TOPIC",
-        help="topics of each sensor, such as raw info, or full names (default: all, /diagnostics and /tf; raw and info "
-        "are enough to replay)",
-    )
+    add_topic_options(parser, "raw info", "; raw and info are enough to replay")
     parser.add_argument(
         "--for", dest="seconds", type=positive, default=math.inf, help="stop so many seconds after the first message"
     )
