@@ -15,8 +15,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from benchmarks.latency.end_to_end import COLUMNS, row
-from benchmarks.latency.rig import Measurement, Setup, run
+from benchmarks.latency.end_to_end import COLUMNS, attempt, row
+from benchmarks.latency.rig import Measurement, Setup
 from benchmarks.outcome import Cell, Outcome, Table
 
 RATES = {
@@ -58,7 +58,7 @@ def highest(size: int, window: float, rows: list[tuple[Cell, ...]], also: str = 
         middle = (low + high) // 2
         sustained = False
         for _ in range(TRIES):
-            case = run(Setup(f"posfet_{size}x{size}", rates[middle], window=window))
+            case = attempt(Setup(f"posfet_{size}x{size}", rates[middle], window=window))
             rows.append(row(f"{size} x {size}, {rates[middle]:.0f} Hz{also}", case))
             sustained = sustained or keeps_up(case)
             if sustained:

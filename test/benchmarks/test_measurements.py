@@ -28,7 +28,7 @@ from benchmarks import report
 from benchmarks.latency import end_to_end, fresh_clone, startup, sustained_rate
 from benchmarks.latency.processes import compiled_echo, echo
 from benchmarks.latency.rig import Measurement, Setup
-from benchmarks.outcome import Outcome
+from benchmarks.outcome import Outcome, Table
 from benchmarks.simulation import board, recording_speed
 from benchmarks.targets import TARGETS
 from posfet_model.sensor.description import load_sensor
@@ -144,20 +144,30 @@ def test_the_loaded_rate_is_measured_beside_one_busy_process_for_each_processor(
 
     asked: list[tuple[str, float, int]] = []
 
-    def run(case: Setup) -> Measurement:
+    def attempt(case: Setup) -> Measurement:
         asked.append((case.sensor, case.rate, len(busy)))
         limit = 6000.0 if busy else 1e9
         received = 100 if case.rate <= limit else 90
         return Measurement(np.full(100, 3000.0), np.zeros(0), 10.0, 100, received, 0)
 
     monkeypatch.setattr(subprocess, "Popen", Busy)
-    monkeypatch.setattr(sustained_rate, "run", run)
+    monkeypatch.setattr(sustained_rate, "attempt", attempt)
     values = sustained_rate.measure(False).values
     assert values["sustained_5x5_hz"] == 12000.0
     assert values["sustained_5x5_loaded_hz"] == 6000.0
     assert values["sustained_5x5_loaded_p99_ms"] == pytest.approx(3.0)
     assert {number for _, _, number in asked} == {0, os.cpu_count()}
     assert not busy
+
+
+def test_a_stack_that_does_not_start_on_a_loaded_machine_sustains_no_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(case: Setup) -> Measurement:
+        raise RuntimeError("no line 'first'")
+
+    monkeypatch.setattr(end_to_end, "run", run)
+    rows: list[Any] = []
+    assert sustained_rate.highest(5, 1.0, rows) == (0.0, 0.0)
+    assert report.markdown(Table("rates", end_to_end.COLUMNS, rows))
 
 
 def test_the_start_is_compared_with_the_imports_of_the_same_run(monkeypatch: pytest.MonkeyPatch) -> None:
