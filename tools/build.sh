@@ -5,7 +5,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source=tools/venv_setup.bash
 [[ -n "${ROS_DISTRO:-}" ]] || source .venv/local_setup.bash
 # Without a limit of their own, make's processes wait while others load the machine.
-[[ "${MAKEFLAGS:-}" == *-j* ]] || export MAKEFLAGS="-j$(nproc)"
+[[ "${MAKEFLAGS:-}" == *-j* ]] || MAKEFLAGS="-j$(nproc)"
+export MAKEFLAGS
 packages=(src/*/package.xml)
 # The generators of the messages parse each interface file once.
 export PYTHONPATH="$PWD/tools/parse_once${PYTHONPATH:+:$PYTHONPATH}" POSFET_PARSED="$PWD/build/parsed"

@@ -80,6 +80,6 @@ if source_package=$(dependency_of linux-source linux-source-) && [[ -n $source_p
         echo "posfet: no module ctucanfd: tests on CAN FD controllers are skipped" >&2
     fi
 fi
-rm -rf "$download" "$cache/build" "$cache/ctucanfd" "$kernel_root/usr/src" "$kernel_root/usr/lib" "$kernel_root/usr/share"
+rm -rf "$download" "$cache/build" "$cache/ctucanfd" "${kernel_root:?}/usr/src" "${kernel_root:?}/usr/lib" "${kernel_root:?}/usr/share"
 echo "$sources" >"$cache/sources"
 echo "$release" >"$cache/ready"
