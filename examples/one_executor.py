@@ -7,6 +7,7 @@
 
 """The stack and a controller in one process, on one executor: prints each second how strongly the sensor is touched."""
 
+import math
 import signal
 import threading
 
@@ -16,26 +17,23 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 import posfet.bringup
-from posfet_msgs.msg import TactileContacts
+from posfet_model.ros.contact_sensor import ContactSensor
 
 
 class Controller(Node):
-    """Keeps the normal force of the newest contacts."""
+    """Reads the contacts in a loop of its own, and takes none for true that are not valid or old."""
 
     def __init__(self) -> None:
         super().__init__("controller")
-        self.force = 0.0
-        self.create_subscription(TactileContacts, "/hand/tactile/contacts", self.take, 10)
+        self.sensor = ContactSensor(self, "/hand/tactile", max_age=0.5)
         self.create_timer(1.0, self.show)
 
-    def take(self, message: TactileContacts) -> None:
-        """Add up the forces of a message that is fit for control."""
-        if message.data_valid:
-            self.force = sum(-contact.force.z for contact in message.contacts)
-
     def show(self) -> None:
-        """Print the force."""
-        print(f"touched with {self.force:.2f} N", flush=True)
+        """Print the force; a controller that moves something holds or stops where it is unknown."""
+        if self.sensor.known:
+            print(f"touched with {math.hypot(*self.sensor.force()):.2f} N", flush=True)
+        else:
+            print("contacts unknown", flush=True)
 
 
 def main() -> None:
