@@ -1,13 +1,23 @@
 #!/usr/bin/env bash
 # Releases of the packages: tools/release.sh FOLDER writes a tarball for each, tools/release.sh FOLDER --check builds each
 # alone, in a workspace of its own, on those of its dependencies. As bloom does, a tarball holds files in place of links.
+# tools/release.sh --notes prints the notes of the version, for its tag: the newest section of each package's changelog.
 set -eo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-[[ $# -ge 1 ]] || { echo "usage: tools/release.sh FOLDER [--check]" >&2; exit 1; }
-mkdir -p "$1"
-folder=$(cd "$1" && pwd)
+[[ $# -ge 1 ]] || { echo "usage: tools/release.sh FOLDER [--check], or tools/release.sh --notes" >&2; exit 1; }
 version=$(sed -n 's:.*<version>\(.*\)</version>.*:\1:p' src/posfet/package.xml)
 packages=(posfet_msgs posfet_core posfet_model posfet_driver posfet_sim posfet) # each may depend on those before it
+
+if [[ "$1" == --notes ]]; then
+    echo "posfet $version"
+    for package in "${packages[@]}"; do
+        printf '\n%s\n\n' "$package"
+        awk '/^[0-9]+[.][0-9.]+ \(/ { section++; next } section == 1 && NF && !/^-+$/' "src/$package/CHANGELOG.rst"
+    done
+    exit
+fi
+mkdir -p "$1"
+folder=$(cd "$1" && pwd)
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -30,6 +30,11 @@ def manifest(package: Path) -> ElementTree.Element:
     return ElementTree.parse(package / "package.xml").getroot()
 
 
+def date(package: Path) -> str:
+    """Return the date of the newest version in the changelog of a package."""
+    return re.findall(r"^\S+ \((\d{4}-\d\d-\d\d)\)$", (package / "CHANGELOG.rst").read_text("utf-8"), re.MULTILINE)[0]
+
+
 @each_package
 def test_versions_are_in_step(package: Path) -> None:
     assert manifest(package).findtext("version") == VERSION
@@ -43,12 +48,25 @@ def test_versions_are_in_step(package: Path) -> None:
 
 
 def test_the_release_notes_and_the_citation_are_of_this_version() -> None:
-    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert VERSION in headings[0]
+    heading = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[0]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    dates = {date(package) for package in PACKAGES}
+    assert dates == {str(citation["date-released"])}
+    assert heading in {f"Unreleased: {VERSION}", f"{VERSION} - {dates.pop()}"}
     project = (ROOT / "python/pyproject.toml").read_text(encoding="utf-8")
     assert re.findall(r'^version = "(.*)"$', project, re.MULTILINE) == [VERSION]
     assert f"posfet-{VERSION}-cp3" in (ROOT / "docs/python.md").read_text(encoding="utf-8")
-    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == VERSION
+    assert citation["version"] == VERSION
+
+
+def test_the_notes_of_a_tag_are_the_newest_sections_of_the_changelogs() -> None:
+    command = ["bash", str(ROOT / "tools/release.sh"), "--notes"]
+    title, *notes = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n\n")
+    assert title == f"posfet {VERSION}"
+    assert sorted(notes[::2]) == [package.name for package in PACKAGES]
+    for name, text in zip(notes[::2], notes[1::2], strict=True):
+        section = (SOURCES / name / "CHANGELOG.rst").read_text(encoding="utf-8").split("\n\n")[1]
+        assert text.strip() == section.partition("---\n")[2].strip()
 
 
 @each_package
