@@ -5,6 +5,8 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
+from glob import glob
+
 from setuptools import find_packages, setup
 
 package_name = "posfet_model"
@@ -25,6 +27,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
+        # Where a robot's description finds them: $(find posfet_model)/sensors/posfet_5x5.yaml
+        (f"share/{package_name}/sensors", sorted(glob(f"{package_name}/sensor/sensors/*.yaml"))),
     ],
     python_requires=">=3.10",
     install_requires=["setuptools", "numpy>=1.26", "PyYAML"],

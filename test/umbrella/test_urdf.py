@@ -24,6 +24,7 @@ from posfet_model.parameters import default_frame
 from posfet_model.ros.conversions import info_message
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
+from support.bringup_process import needs_installation
 from support.paths import EXAMPLES, PACKAGE
 
 FLAT = SENSOR_FOLDER / "posfet_5x5.yaml"
@@ -72,6 +73,15 @@ def test_links_are_the_frames_of_the_nodes(finger: ElementTree.Element) -> None:
         assert joint.get("type") == "fixed"
         assert joint.find("parent").get("link") == "finger"
         assert joint.find("child").get("link") in links
+
+
+@needs_installation
+def test_the_example_finds_macro_and_sensor_files_where_they_are_installed() -> None:
+    document = ElementTree.fromstring(xacro.process_file(str(EXAMPLES / "finger.urdf.xacro")).toxml())
+    layout = load_sensor(FLAT).layout
+    for name in ("finger_tip_array", "finger_side_array"):
+        [box] = document.findall(f"link[@name='{name}']/collision/geometry/box")
+        assert numbers(box, "size")[:2] == pytest.approx([layout.cols * layout.pitch_x, layout.rows * layout.pitch_y])
 
 
 @pytest.mark.parametrize("finger", ["x", "y"], indirect=True)
