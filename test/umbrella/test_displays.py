@@ -60,6 +60,8 @@ def test_rviz_shows_topics_of_their_type_in_the_frame_of_the_array() -> None:
         if "Topic" in display
     }
     assert set(shown) == {"/tactile/points", "/tactile/markers", "/tactile/wrench", "/tactile/force_image"}
+    topics = [display["Topic"] for display in manager["Displays"] if "Topic" in display]
+    assert {topic["Reliability Policy"] for topic in topics} == {"Best Effort"}, "takes from publishers of both kinds"
     for topic, kind in shown.items():
         assert published()[topic.removeprefix("/tactile/")].removesuffix("Stamped") == kind
 

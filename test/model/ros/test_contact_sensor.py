@@ -22,7 +22,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from posfet_model.parameters import RELIABILITY
 from posfet_model.ros.contact_sensor import ContactSensor
+from posfet_model.ros.output_qos import output_qos
 from posfet_msgs.msg import TactileContact, TactileContacts
 
 pytestmark = pytest.mark.ros
@@ -51,12 +53,13 @@ def touched(*forces: float, valid: bool = True) -> TactileContacts:
     return message
 
 
-def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node) -> None:
+@pytest.mark.parametrize("reliability", RELIABILITY.choices)
+def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node, reliability: str) -> None:
     now = [0.0]
     sensor = ContactSensor(node, "thumb", max_age=0.01, clock=lambda: now[0])
     assert (sensor.known, sensor.contacts(), sensor.frame_id) == (False, None, "")
     assert all(map(math.isnan, sensor.force()))
-    publisher = node.create_publisher(TactileContacts, "/robot/thumb/contacts", 1)
+    publisher = node.create_publisher(TactileContacts, "/robot/thumb/contacts", output_qos(reliability, 1))
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
 

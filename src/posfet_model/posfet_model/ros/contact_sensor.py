@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from posfet_msgs.msg import TactileContact, TactileContacts
 
@@ -42,7 +42,8 @@ class ContactSensor:
         self._newest = TactileContacts()  # not valid
         self._arrival = -math.inf
         self._max_age, self._clock = max_age, clock
-        node.create_subscription(TactileContacts, f"{namespace}/contacts", self._take, QoSProfile(depth=1))
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits publishers of either reliability
+        node.create_subscription(TactileContacts, f"{namespace}/contacts", self._take, newest)
 
     @property
     def known(self) -> bool:
