@@ -7,27 +7,29 @@
 
 """The grip controller: closes until contact, holds with little force, and grips harder when the object slips.
 
-It sees what /tactile offers, contacts of two fingertips, and gives one grip force. It knows neither physics nor ROS.
+It sees what /tactile offers, contacts and force images of two fingertips, and gives one grip force. It knows neither
+physics nor ROS.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from enum import Enum
+
+from examples.grasp_mujoco.creep import CreepWatch, FloatArray
 
 
 @dataclass(frozen=True)
 class Touch:
-    """The contacts of one fingertip in one scan."""
+    """What one fingertip feels in one scan."""
 
     force: float = 0.0
-    """Sum of their normal forces [N]."""
-    centre: tuple[float, float] = (math.nan, math.nan)
-    """Their common centre of pressure, x and y in the frame of the array [m]; NaN without contact."""
+    """Sum of the normal forces of its contacts [N]."""
+    image: FloatArray | None = None
+    """Force on each taxel [N], NaN where it is unknown, shape [rows, cols]; None without contact."""
     slipping: bool = False
-    """Whether one of them is reported as slipping."""
+    """Whether one of the contacts is reported as slipping."""
     valid: bool = False
     """Whether the forces are valid: the grip closes only then."""
 
@@ -71,68 +73,16 @@ class GripSettings:
     pause: float = 0.006
     """Least time between two raises [s]: the force needs it to follow."""
     blank: float = 0.025
-    """Time after a raise for which only contacts that are reported as slipping count [s]: a raise moves the centre."""
-    creep: bool = True
-    """Whether creep counts, too; else only contacts that are reported as slipping."""
+    """Time after a raise for which only contacts that are reported as slipping count [s]: the images change."""
+    creep: float = 5e-6
+    """Displacement of the object, within about 10 ms and beyond the noise, that counts as slip, too [m]: a little more
+    than the engine's friction lets a held object creep; infinite: only contacts that are reported as slipping count."""
+    creep_lifting: float = 15e-6
+    """The same while the hand lifts it [m]: the weight that the fingertips take over shifts the pressure."""
     calm: float = 0.5
     """Time without slip after which the grip force sinks again [s]."""
     greatest: float = 8.0
     """Greatest grip force [N]."""
-
-
-class CreepWatch:
-    """Detects that an object creeps in the hand, before its contacts are reported as slipping at 10 mm/s.
-
-    A held object does not move against the fingertips, so that a small displacement tells: that of the mean centre of
-    pressure over the newest `NEW` scans from that over the scans before. Both fingertips count together, as the object
-    moves past both, each with the inverse of the variance of its centre. That depends on board, object and force, and
-    is estimated from scan to scan. It does not need valid forces: what makes them uncertain changes slowly.
-    """
-
-    NEW = 4
-    """Scans of the newest mean."""
-    REFERENCE = 16
-    """Most scans of the mean before."""
-    LEAST_REFERENCE = 8
-    """Least scans of it."""
-    LEAST_DISPLACEMENT = 12e-6
-    """[m]"""
-    DEVIATIONS = 5.5
-    """Standard deviations of the noise that do not count."""
-    MEMORY = 64
-    """Scans over which the noise is averaged."""
-
-    def __init__(self) -> None:
-        self._centres: deque[tuple[tuple[float, float], tuple[float, float]]] = deque(maxlen=self.NEW + self.REFERENCE)
-        self._variances = [1e-10, 1e-10]  # of each coordinate of the centre on each fingertip [m2]
-
-    def clear(self) -> None:
-        """Take a new reference."""
-        self._centres.clear()
-
-    def update(self, touches: tuple[Touch, Touch]) -> bool:
-        """Add a scan and return whether the object creeps."""
-        if not all(touch.force > 0.0 for touch in touches):
-            self._centres.clear()
-            return False
-        (left_x, left_y), right = touches[0].centre, touches[1].centre
-        centres = (-left_x, left_y), right  # the fingertips face each other: x is mirrored
-        if self._centres:
-            for side, (now, before) in enumerate(zip(centres, self._centres[-1], strict=True)):
-                step = math.dist(now, before)
-                self._variances[side] += (step * step / 4 - self._variances[side]) / self.MEMORY
-        self._centres.append(centres)
-        count = len(self._centres) - self.NEW
-        if count < self.LEAST_REFERENCE:
-            return False
-        precisions = [1 / max(variance, 1e-14) for variance in self._variances]
-        total = sum(precisions)
-        displacement = []
-        for axis in (0, 1):
-            both = [sum(p * c[axis] for p, c in zip(precisions, each, strict=True)) / total for each in self._centres]
-            displacement.append(sum(both[count:]) / self.NEW - sum(both[:count]) / count)
-        noise = math.sqrt((1 / count + 1 / self.NEW) / total)
-        return math.hypot(*displacement) > max(self.LEAST_DISPLACEMENT, self.DEVIATIONS * noise)
 
 
 class GripController:
@@ -173,7 +123,7 @@ class GripController:
         time : float
             Time of the scans [s].
         touches : tuple of Touch
-            Contacts of both fingertips.
+            What both fingertips feel.
         """
         step = time - self._time
         self._time = time
@@ -181,7 +131,8 @@ class GripController:
         last = self.raised[-1] if self.raised else -math.inf
         if time - last < settings.blank:
             self._creep.clear()
-        creeps = settings.creep and self._creep.update(touches)
+        least = settings.creep if self.phase is Phase.HOLD else max(settings.creep, settings.creep_lifting)
+        creeps = self._creep.update(*(touch.image for touch in touches)) > least
         self.slipping = creeps or any(touch.slipping for touch in touches)
         elapsed = time - self._since
         if self.phase is Phase.WAIT and all(touch.valid for touch in touches):

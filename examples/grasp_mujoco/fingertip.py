@@ -67,28 +67,35 @@ class Fingertip:
         """The board on its emulated bus."""
         self._model = Reconstructor(sensor, settings=ReconstructionSettings(contact=THRESHOLDS))
         self.touch = Touch()
-        """Contacts in the newest scan."""
+        """What it felt in the newest scan."""
 
     def scan(self) -> Touch:
         """Take the next scan through board, bus, decoder and model; the board steps the engine as far as it needs."""
         scan = self.board.next_scan()
         if scan is not None:
-            self.touch = touch_of(self._model.process(scan))
+            result = self._model.process(scan)
+            self.touch = touch_of(result, self.forces())
             self._model.run_maintenance()
         return self.touch
 
     def forces(self) -> np.ndarray:
-        """Return the force on each taxel as the model estimates it [N], shape [rows * cols]."""
-        return self._model.image().force.copy()
+        """Return the force on each taxel as the model estimates it [N], shape [rows, cols]."""
+        layout = self.board.board.sensor.layout
+        return self._model.image().force.reshape(layout.rows, layout.cols).copy()
 
 
-def touch_of(result: Reconstruction) -> Touch:
-    """Return the contacts of a scan as the controller takes them."""
+def touch_of(result: Reconstruction, forces: np.ndarray) -> Touch:
+    """Return what the controller takes of a scan.
+
+    Parameters
+    ----------
+    result : Reconstruction
+        Contacts of the scan.
+    forces : array of shape [rows, cols]
+        Force on each taxel [N].
+    """
     contacts = [each for each in result.contacts if each.state is not ContactState.RELEASED]
     force = sum(each.region.force for each in contacts)
     if force <= 0:
         return Touch(valid=result.valid)
-    x, y = (
-        sum(each.region.force * each.region.centre_of_pressure[axis] for each in contacts) / force for axis in (0, 1)
-    )
-    return Touch(force, (x, y), any(each.slipping for each in result.motions.values()), result.valid)
+    return Touch(force, forces, any(each.slipping for each in result.motions.values()), result.valid)

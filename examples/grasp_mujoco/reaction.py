@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -48,7 +49,7 @@ class Outcome:
 def outcome(seed: int, kind: str | None = None, creep: bool = True) -> Outcome:
     """Run the task of a seed with and without feedback."""
     task = seeded_task(seed, kind)
-    trial = grasp(task, seed, settings=GripSettings(creep=creep))
+    trial = grasp(task, seed, settings=GripSettings() if creep else GripSettings(creep=math.inf))
     without = grasp(task, seed, feedback=False)
     rows = trial.columns()
     pulled = rows[0] >= task.pull_start

@@ -8,19 +8,22 @@
 """The same grasp over ROS: emulated CAN adapters, two stacks that drive them, and the controller as a node.
 
 The fingertips' boards are behind pseudo-terminals, as adapters of CAN are; a driver and a model for each publish
-`/left/tactile/contacts` and `/right/tactile/contacts`. `grip_controller` answers each pair of scans by `grip_command`.
-The boards' clock waits for the answer, so that nothing depends on the speed of the computer: times are those of the
-boards.
+`contacts` and `image` in `/left/tactile` and `/right/tactile`. `grip_controller` answers each pair of scans by
+`grip_command`. The boards' clock waits for the answer, so that nothing depends on the speed of the computer: times are
+those of the boards.
 """
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 import threading
 import time
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -32,7 +35,7 @@ from examples.grasp_mujoco.fingertip import THRESHOLDS, fingertip_loads
 from examples.grasp_mujoco.gripper import FINGERS, LIFT, Gripper, Task
 from examples.grasp_mujoco.trial import DROPPED
 from posfet_model.sensor.description import load_sensor
-from posfet_msgs.msg import TactileContact, TactileContacts
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.bus_board import BusBoard
@@ -46,6 +49,8 @@ PATIENCE = 20.0
 """Time on the computer's clock after which they go on without one [s]."""
 DEPTH = 100
 """Messages that wait for a slow subscriber."""
+TOPICS = {"contacts": TactileContacts, "image": TactileImage}
+"""What the controller subscribes to of each fingertip."""
 MILLISECOND = 1_000_000
 """[ns]"""
 
@@ -57,16 +62,20 @@ class GripNode(Node):
         super().__init__("grip_controller")
         self.controller = GripController(feedback=feedback)
         """The controller."""
+        self._messages: dict[tuple[str, str], TactileContacts | TactileImage] = {}
         self._newest: dict[str, tuple[int, Touch]] = {}
         self._answered = -1
         self._command = self.create_publisher(Float64MultiArray, "grip_command", DEPTH)
-        for name in FINGERS:
-            self.create_subscription(
-                TactileContacts, f"{name}/tactile/contacts", lambda message, name=name: self._take(name, message), DEPTH
-            )
+        for name, (topic, kind) in itertools.product(FINGERS, TOPICS.items()):
+            self.create_subscription(kind, f"{name}/tactile/{topic}", partial(self.take, name, topic), DEPTH)
 
-    def _take(self, name: str, message: TactileContacts) -> None:
-        self._newest[name] = message.sequence, touch_in(message)
+    def take(self, name: str, topic: str, message: TactileContacts | TactileImage) -> None:
+        """Take a message of a fingertip; answer once both of a scan are there from both."""
+        self._messages[name, topic] = message
+        contacts, image = (self._messages.get((name, each)) for each in TOPICS)
+        if contacts is None or image is None or contacts.sequence != image.sequence:
+            return
+        self._newest[name] = message.sequence, touch_in(contacts, image)
         if len(self._newest) < len(FINGERS):
             return
         (left, left_touch), (right, right_touch) = (self._newest[each] for each in FINGERS)
@@ -77,18 +86,14 @@ class GripNode(Node):
             self._command.publish(Float64MultiArray(data=[grip, self.controller.lift, float(sequence)]))
 
 
-def touch_in(message: TactileContacts) -> Touch:
-    """Return the contacts in a message as the controller takes them."""
-    contacts = [each for each in message.contacts if each.state != TactileContact.STATE_RELEASED]
-    force = -sum(each.force.z for each in contacts)
+def touch_in(contacts: TactileContacts, image: TactileImage) -> Touch:
+    """Return what the controller takes of both messages of a scan."""
+    touching = [each for each in contacts.contacts if each.state != TactileContact.STATE_RELEASED]
+    force = -sum(each.force.z for each in touching)
     if force <= 0:
-        return Touch(valid=message.data_valid)
-    centres = [(each.centre_of_pressure.x, each.centre_of_pressure.y) for each in contacts]
-    x, y = (
-        sum(-each.force.z * centre[axis] for each, centre in zip(contacts, centres, strict=True)) / force
-        for axis in (0, 1)
-    )
-    return Touch(force, (x, y), any(each.slipping for each in contacts), message.data_valid)
+        return Touch(valid=contacts.data_valid)
+    forces = np.array(image.force).reshape(image.rows, image.cols)
+    return Touch(force, forces, any(each.slipping for each in touching), contacts.data_valid)
 
 
 class BoardClock:

@@ -58,9 +58,7 @@ def record(task: Task, feedback: bool, rate: float, seed: int, duration: float) 
 
     def watch(gripper: Gripper, fingertips: tuple[Fingertip, Fingertip], controller: GripController) -> None:
         if gripper.time >= len(frames) / rate:
-            images = tuple(
-                np.nan_to_num(tip.forces()).reshape(tip.board.board.sensor.layout.rows, -1) for tip in fingertips
-            )
+            images = tuple(np.nan_to_num(tip.forces()) for tip in fingertips)
             hand, held = (float(gripper.data.body(name).xpos[2]) for name in ("hand", "object"))
             frames.append(Frame(gripper.time, hand, gripper.finger_gap(), held, gripper.pull, images))
 

@@ -9,17 +9,18 @@
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
 pytest.importorskip("rclpy")
 pytest.importorskip("posfet_msgs.msg")
 
+import rclpy
+
 from examples.grasp_mujoco import ros_grasp
 from examples.grasp_mujoco.ros_grasp import LEAD, PATIENCE, BoardClock, touch_in
-from posfet_msgs.msg import TactileContact, TactileContacts
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage
 
 pytestmark = pytest.mark.ros
 
@@ -33,15 +34,35 @@ def contact(force: float, x: float, slipping: bool = False, state: int = Tactile
 
 def test_contacts_are_added_up_without_released_ones() -> None:
     released = contact(0.0, 5e-3, state=TactileContact.STATE_RELEASED)
+    image = TactileImage(rows=2, cols=3, force=[0.0, 0.1, float("nan"), 0.3, 0.0, 0.0])
     message = TactileContacts(contacts=[contact(0.3, 1e-3), contact(0.1, 3e-3, True), released], data_valid=True)
-    touch = touch_in(message)
+    touch = touch_in(message, image)
     assert touch.force == pytest.approx(0.4)
-    assert touch.centre == pytest.approx((1.5e-3, 0.0))
+    assert touch.image is not None
+    np.testing.assert_allclose(touch.image, [[0.0, 0.1, np.nan], [0.3, 0.0, 0.0]], rtol=1e-6)
     assert touch.slipping
     assert touch.valid
-    free = touch_in(TactileContacts(contacts=[released], data_valid=True))
-    assert (free.force, free.slipping, free.valid) == (0.0, False, True)
-    assert math.isnan(free.centre[0])
+    free = touch_in(TactileContacts(contacts=[released], data_valid=True), image)
+    assert (free.force, free.image, free.slipping, free.valid) == (0.0, None, False, True)
+
+
+def test_an_answer_needs_both_messages_of_a_scan_from_both_fingertips() -> None:
+    rclpy.init()
+    node = ros_grasp.GripNode()
+    answers: list[float] = []
+    node.controller.update = lambda time, touches: answers.append(time) or 0.0  # type: ignore[method-assign]
+    try:
+        for name in ("left", "right"):
+            node.take(name, "contacts", TactileContacts(sequence=3))
+            node.take(name, "image", TactileImage(sequence=2))
+        assert answers == []
+        node.take("left", "image", TactileImage(sequence=3))
+        assert answers == []
+        node.take("right", "image", TactileImage(sequence=3))
+        assert answers == [3e-3]
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def test_the_boards_wait_for_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
