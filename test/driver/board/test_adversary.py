@@ -48,6 +48,12 @@ def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path,
     assert found.stretches > 100
 
 
+def test_a_run_of_a_single_fault_has_its_memory_measured(plain_program: Path) -> None:
+    found = campaign(plain_program, "FD 5x5 1 kHz", 500, seed=1)
+    assert sum(found.faults.values()) <= 3
+    assert len(found.memory) == 4
+
+
 def test_a_number_that_a_lie_has_frozen_is_that_of_the_lie_also_when_the_scan_that_had_it_was_lost(
     plain_program: Path, tmp_path: Path
 ) -> None:
