@@ -26,13 +26,14 @@ MakeBench = Callable[[Wire], VmBench]
 
 def test_scans_are_whole_and_missing_ones_are_counted(wire: Wire, bench: MakeBench) -> None:
     made = bench(wire)
-    sequences = made.scans(60)
+    first, missed = made.scans(1), made.firmware.missed
+    sequences = first + made.scans(60)
     report = made.board.report()
     assert sequences == sorted(set(sequences))
     missing = sequences[-1] - sequences[0] + 1 - len(sequences)
     assert (missing == 0) == (report.frames_lost == 0)
     if wire.driver == wire.board:  # emulated controllers may overflow on a busy machine
-        assert missing == 0
+        assert missing <= made.firmware.missed - missed  # no frame is lost, but the board itself may be too late
     assert report.health == Health.OK
     assert report.counters["unrelated frames"] == 0
     present = set(report.conditions) - {FaultKind.SCAN_OVERRUN}  # the emulated board is late on a busy machine

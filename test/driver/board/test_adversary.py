@@ -54,6 +54,16 @@ def test_a_run_of_a_single_fault_has_its_memory_measured(plain_program: Path) ->
     assert len(found.memory) == 4
 
 
+@pytest.mark.parametrize(("seed", "scans"), [(1, 2000), (2, 7000)])
+def test_lies_about_period_and_sequence_invent_no_losses_and_delay_no_scan_after_them(
+    plain_program: Path, seed: int, scans: int
+) -> None:
+    """A period of 1 us made any jump plausible, and one of 10 s let silence last for 100 s, whatever came after it."""
+    lies = ("lie: period", "lie: sequence", "lie: not scanning")
+    found = campaign(plain_program, "classic 5x5 250 Hz", scans, seed, lies)
+    assert not found.failures, found.examples
+
+
 def test_a_number_that_a_lie_has_frozen_is_that_of_the_lie_also_when_the_scan_that_had_it_was_lost(
     plain_program: Path, tmp_path: Path
 ) -> None:

@@ -76,7 +76,7 @@ class BoardSupervisor:
         if self._decoder.scan_period != self._scan_period:  # also when another host has set it
             self._scan_period = self._decoder.scan_period
             if connection.state == ConnectionState.SCANS:  # else a response is awaited
-                connection.deadline = max(connection.deadline, connection.arrival + connection.scan_timeout)
+                connection.deadline = connection.arrival + connection.scan_timeout
         if isinstance(received, ResponseReceived):
             self._handle_response(received.response)
         elif isinstance(received, StatusReceived):

@@ -107,7 +107,7 @@ class ClassicScans:
         confirmed : bool
             Whether it was set; else the next headers have to confirm it.
         """
-        changed = self.numbering.announce(period)
+        changed = self.numbering.announce(period, confirmed)
         self._unconfirmed = not confirmed and (changed or self._unconfirmed)
         if changed:
             self._adrift = True  # the first scan at the new period has a header

@@ -66,9 +66,9 @@ class FdScans:
         period : float
             Scan period [us].
         confirmed : bool
-            Of no use here: each scan states its time.
+            Whether it was set.
         """
-        self.numbering.announce(period)
+        self.numbering.announce(period, confirmed)
 
     @property
     def sequence(self) -> int:

@@ -82,21 +82,28 @@ class ScanNumbering:
         self._gap_counts = True
         self._arrival = 0  # of the newest scan [ns]
         self._step = 0.0  # period by the newest candidate and its successor [us]
+        self._set = 0.0  # scan period that was set, and not only stated [us]
+        self._shortest = 0.0  # shortest one since the newest scan [us]
         self._earlier: tuple[float, ...] = ()  # other periods that ticks since the newest scan may have had
 
-    def announce(self, period: float) -> bool:
+    def announce(self, period: float, confirmed: bool) -> bool:
         """Take a scan period that the board announces, in force from one of the ticks to come on.
 
         Parameters
         ----------
         period : float
             Scan period [us].
+        confirmed : bool
+            Whether it was set; what the board states unasked makes no jump of the sequence plausible.
 
         Returns
         -------
         bool
             Whether it is another one than announced before.
         """
+        if confirmed:
+            self._shortest = min(self._shortest, period) if self.boot >= 0 else period
+            self._set = period
         if period == self.announced:
             return False
         if self.boot >= 0:
@@ -174,8 +181,7 @@ class ScanNumbering:
         """Take a number that does not fit the time."""
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
         elapsed = self._elapsed(number.reading, arrival)
-        shortest = min((self.period, *self._earlier))
-        if same_boot and ahead * shortest <= FASTEST * elapsed + SLACK * self.period:
+        if same_boot and (ahead - SLACK) * self._shortest <= FASTEST * elapsed:
             return self._advance(ahead, number.reading, self._expected(ahead, number.reading, arrival), False, arrival)
         if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
@@ -235,7 +241,7 @@ class ScanNumbering:
         self._clock.advance(reading, expected, fits, arrival, self.period, slack)
         if self._open or ahead > UNTIMED:
             self._clock.interrupt(arrival)
-        self._earlier = ()
+        self._earlier, self._shortest = (), self._set
         self._arrival = arrival
         self.sequence += ahead
         counts, self._gap_counts, self._open, self._candidate = self._gap_counts, True, False, None
@@ -246,7 +252,7 @@ class ScanNumbering:
             self.restarted = True
             self._statistics.implausible += number.boot == self.boot and not self._open
         self._clock.restart(number.reading, number.boot == self.boot, arrival)
-        self._earlier = ()
+        self._earlier, self._shortest = (), self._set
         self._previous = self.boot, self.sequence
         self.boot, self.sequence, self._arrival = number.boot, number.low, arrival
         self._gap_counts, self._open, self._candidate = True, False, None
