@@ -611,6 +611,22 @@ def test_a_faulty_taxel_is_zero_while_nothing_touches_as_a_noisy_one_counts_in_t
     assert abs(force[MIDDLE]) < 0.25 * THRESHOLD
 
 
+@pytest.mark.parametrize("informative", [False, True])
+def test_a_force_on_a_faulty_taxel_that_no_contact_lists_is_missing_in_valid_sums(informative: bool) -> None:
+    """As after an overload, whose thresholds are higher for a while: the sums of forces lack that of the taxel."""
+    watch, ignored = Watch(), np.arange(TAXELS) == MIDDLE
+    for time, scan in scans(SENSOR, 3.0, force=press(3.0 * THRESHOLD, 1.0, 2.0), shape=ignored.astype(float)):
+        if round(1000 * time) == 500:
+            watch.estimator.ignore(ignored)
+            watch.estimator.informative[:] = ignored & informative
+        watch.process(time, scan)
+        watch._touched[:] = False  # no contact is listed
+        watch._limit[:] = np.inf
+    held = np.array(watch.valid)[1300:1900]
+    assert held.all() == (not informative) and held.any() == (not informative)
+    assert all(watch.valid[2500:])
+
+
 @pytest.mark.parametrize("seed", [1, 2, 4, 5])
 def test_a_taxel_with_telegraph_noise_does_not_stay_in_contact_after_a_long_touch(seed: int) -> None:
     # At rest its offset is that of the present level; in the mean of a long touch it is half a step away.

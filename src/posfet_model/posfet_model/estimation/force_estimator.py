@@ -240,7 +240,9 @@ class ForceEstimator:
         self.offset_known = np.zeros(taxels, np.bool_)
         """Taxels whose offset is known."""
         self.ignored = np.zeros(taxels, np.bool_)
-        """Faulty taxels: `valid` does not depend on them. Set by `ignore`."""
+        """Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`."""
+        self.informative = np.zeros(taxels, np.bool_)
+        """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
         self.valid = False
         """Whether the forces of all taxels are valid."""
         self.restarts = 0
@@ -907,7 +909,11 @@ class ForceEstimator:
         touched = self._touched & ~self.ignored
         any_touched = any_true(touched)
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
+        hidden = self._unexplained.rising & self.ignored & self.informative
+        missing = float(self._mean.sum(where=hidden))
         if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
+            return False
+        if missing > LEAST_DEVIATION * self._threshold:
             return False
         if not any_touched:
             return True

@@ -545,6 +545,7 @@ class Reconstructor:
             return
         self._unlisted = faults.faulty.copy()
         informative = faults.informative(self._informative) & self._estimator.offset_known
+        self._estimator.informative[:] = informative
         estimated = faults.faulty & ~informative
         self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan
         self._interpolated[:] = estimated
