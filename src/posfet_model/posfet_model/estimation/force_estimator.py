@@ -241,8 +241,6 @@ class ForceEstimator:
         """Taxels whose offset is known."""
         self.ignored = np.zeros(taxels, np.bool_)
         """Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`."""
-        self.informative = np.zeros(taxels, np.bool_)
-        """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
         self.valid = False
         """Whether the forces of all taxels are valid."""
         self.restarts = 0
@@ -251,6 +249,8 @@ class ForceEstimator:
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
+        self.informative = np.zeros(taxels, np.bool_)
+        """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
         self._started, self._recovering, self._agreed, self._reading = False, 0.0, 0.0, math.nan
         self._sensors, self._unread, self._last_duration = math.nan, 0.0, BLOCK
         self._blocks: deque[Block] = deque(maxlen=LAG)
