@@ -56,7 +56,7 @@ class Shown(NamedTuple):
 def of_rviz(manager: dict[str, Any]) -> Iterator[Shown]:
     for display in manager["Displays"]:
         if "Topic" in display:
-            assert display["Topic"]["Reliability Policy"] == "Reliable"
+            assert display["Topic"]["Reliability Policy"] == "Best Effort", "takes from publishers of both kinds"
             yield Shown(display["Topic"]["Value"], {TYPES[display["Class"].removeprefix("rviz_default_plugins/")]})
 
 
