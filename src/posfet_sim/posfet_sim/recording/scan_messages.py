@@ -119,7 +119,7 @@ class ScanMessage:
 
 
 class TruthMessage:
-    """TactileTruth of the scans of one array; prepared anew when other objects, or another number of them, touch.
+    """TactileTruth of the scans of one array; prepared again when other objects, or another number of them, touch.
 
     Parameters
     ----------
