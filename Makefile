@@ -5,7 +5,7 @@
 #   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
 #   make test-vm            run the driver on SocketCAN in a virtual machine with Debian's kernel     ARGS="-k netem"
 #   make check              run ruff, mypy, numpydoc, import-linter, clang-format and clang-tidy
-#   make sanitize           test the compiled path with a build that stops at undefined behaviour and at wrong accesses to memory
+#   make sanitize           test and fuzz the compiled path with a build that stops at undefined behaviour and at wrong accesses to memory    FOR=600
 #   make soak               run the slow tests, the adversary, then the driver under faults for half an hour     FOR=60  SCANS=100000
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make fronts             measure run time against error of every stage and of the pipeline beside peers; writes docs/runtime_accuracy.md
@@ -90,18 +90,20 @@ test-vm: $(BUILT) test-cortex-m
 check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
 	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports && \
-	clang-format --dry-run --Werror $(core)/src/* $(core)/include/posfet_core/* && \
-	clang-tidy --quiet $(core)/src/*.cpp -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
+	clang-format --dry-run --Werror $$(find $(core)/src $(core)/include $(core)/fuzz -name '*.[ch]pp') && \
+	clang-tidy --quiet $$(find $(core)/src -name '*.cpp') -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
 		$$(python3 -c 'import pybind11; print("-isystem", pybind11.get_include())' 2>/dev/null)
 
 # The interpreter is not built for it: the library of the sanitizer is loaded first, and its own leaks are no concern.
 sanitize: $(BUILT)
 	@$(IN_ENVIRONMENT) cmake -S $(core) -B build/sanitize -DPython3_EXECUTABLE="$$(command -v python3)" -DPOSFET_CORE_SANITIZE=ON -DBUILD_TESTING=OFF \
 		-DCMAKE_INSTALL_PREFIX="$$PWD/build/sanitize/install" --no-warn-unused-cli >/dev/null; \
-	cmake --build build/sanitize --parallel 2 --target scan_path -- --no-print-directory >/dev/null; \
-	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(core)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/path/posfet_core/; \
+	cmake --build build/sanitize --parallel 2 --target scan_path --target protocol --target fuzz_protocol -- --no-print-directory >/dev/null; \
+	build/sanitize/fuzz_protocol $(or $(FOR),20) $$RANDOM; \
+	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(core)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/protocol.* build/sanitize/path/posfet_core/; \
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 PYTHONPATH="$$PWD/build/sanitize/path:$$PYTHONPATH" \
-	python3 -m pytest -n0 test/core test/model/*/test_compiled_*.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py $(ARGS)
+	python3 -m pytest -n0 test/core test/model/*/test_compiled_*.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py \
+		test/driver/protocol/test_compiled_decoder.py test/driver/bus/test_compiled_frames.py test/driver/protocol/test_scan_assembler.py $(ARGS)
 
 # Every part runs, whatever came of those before.
 soak: $(BUILT)

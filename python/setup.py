@@ -60,7 +60,7 @@ def headers() -> list[str]:
     return sorted(str(path) for path in CORE.rglob("*.hpp"))
 
 
-def scan_path() -> Extension:
+def compiled() -> list[Extension]:
     """Return the compiled path; its options are those of posfet_core/CMakeLists.txt, without debug information."""
     try:
         import pybind11  # noqa: PLC0415  # from PyPI or python3-pybind11
@@ -68,14 +68,17 @@ def scan_path() -> Extension:
         found = [pybind11.get_include()]
     except ImportError:
         found = []  # pybind11-dev: where the compiler looks
-    return Extension(
-        "posfet_core.scan_path",
-        sources=sorted(str(path) for path in (CORE / "src").glob("*.cpp")),
-        depends=headers(),
-        include_dirs=[str(CORE / "include"), *found],
-        extra_compile_args=["-std=c++17", "-O2", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
-        language="c++",
-    )
+    return [
+        Extension(
+            f"posfet_core.{name}",
+            sources=sorted(str(path) for path in folder.glob("*.cpp")),
+            depends=headers(),
+            include_dirs=[str(CORE / "include"), *found],
+            extra_compile_args=["-std=c++17", "-O2", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
+            language="c++",
+        )
+        for name, folder in (("scan_path", CORE / "src"), ("protocol", CORE / "src" / "protocol"))
+    ]
 
 
 def packages() -> dict[str, str]:
@@ -90,7 +93,7 @@ def packages() -> dict[str, str]:
 
 setup(
     cmdclass={"build_py": WithoutRos, "sdist": WithPackages},
-    ext_modules=[scan_path()],
+    ext_modules=compiled(),
     packages=sorted(packages()),
     package_dir=packages(),
     package_data={

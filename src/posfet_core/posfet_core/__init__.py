@@ -5,4 +5,8 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""What is computed for every scan: an extension module in C++, `scan_path`, and the types of its results, `contact`."""
+"""What is computed for every scan, in C++.
+
+`protocol` goes from the bytes of a bus to scans, `scan_path` from scans to contacts; `contact` has the types of its
+results.
+"""

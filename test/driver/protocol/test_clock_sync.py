@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_core.protocol import ClockSync
 
 MILLISECOND = 1_000_000
 

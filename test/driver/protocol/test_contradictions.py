@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import pytest
 
+from posfet_core.protocol import AscendingStamps
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.protocol.ascending_stamps import AscendingStamps
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import (

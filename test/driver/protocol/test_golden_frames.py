@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from posfet_core.protocol import unpack_counts
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.protocol.messages import Identification, Identity, Request, Response, Status
 from posfet_driver.protocol.scan_codec import ClassicCodec, FdCodec, ScanCodec, ScanHeader, checksum
@@ -82,9 +83,8 @@ def block_of(codec: ScanCodec, index: int, counts: list[int], values: dict[str, 
     scan.sequence, scan.device_time = values.get("Sequence", 0), values.get("DeviceTime", 0)
     scan.status = values.get("BlockStatus", 0)
     encoded = codec.encode(scan, 0x100, values.get("BlockBoot", 0), header=False)
-    codec.wire[:] = b"".join(data for _, _, data in encoded)
     decoded = np.zeros(codec.taxels, np.uint16)
-    codec.decode(decoded)
+    unpack_counts(codec.fd, b"".join(data for _, _, data in encoded), decoded)
     return encoded[index][2], decoded[first:].tolist()
 
 

@@ -14,12 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from posfet_core.protocol import Assembler, ClassicScans, ClockSync, FdScans
 from posfet_driver.bus.frame import Frame
-from posfet_driver.protocol.classic_scans import ClassicScans
-from posfet_driver.protocol.clock_sync import ClockSync
-from posfet_driver.protocol.fd_scans import FdScans
 from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, HEADER_OFFSET
-from posfet_driver.protocol.scan_assembler import Assembler
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
 from support.fake_board import make_scan, marked_counts, with_fd, with_layout
@@ -38,7 +35,7 @@ class Line:
         self.first = first
         self.boot = 0
         self.codec = make_codec(with_fd(SENSOR, fd))
-        self.assembler = Assembler(self.codec)
+        self.assembler = Assembler(fd, self.codec.taxels)
         self.sync = ClockSync()
         self.scans = FdScans(self.assembler, self.sync) if fd else ClassicScans(self.assembler, self.sync)
         self.scans.announce(1000.0, True)

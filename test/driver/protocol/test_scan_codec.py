@@ -19,6 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posfet_core.protocol import unpack_counts
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.protocol.messages import Command, Identification, Identity, Request, Response, Result, Status
 from posfet_driver.protocol.scan_codec import ClassicCodec, FdCodec, ScanCodec, ScanHeader, checksum, make_codec
@@ -55,9 +56,8 @@ def scan_of(counts: list[int], sequence: int = 0, time: int = 0, status: int = 0
 
 
 def decoded(codec: ScanCodec, frames: list[bytes]) -> list[int]:
-    codec.wire[:] = b"".join(frames)
     out = np.zeros(codec.taxels, np.uint16)
-    codec.decode(out)
+    unpack_counts(codec.fd, b"".join(frames), out)
     return out.tolist()
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import pytest
 
-from posfet_driver.protocol.tick_line import TickLine
+from posfet_core.protocol import TickLine
 
 
 def line(*headers: tuple[int, int], period: float = 1000.0) -> TickLine:

@@ -8,16 +8,18 @@
 r"""Lines of the slcan protocol: CAN frames in hexadecimal ASCII, as in LAWICEL's CAN232 manual and CANable's firmware.
 
 A line is a letter, the identifier (3 or 8 digits), the length code, and the data; it ends with \r. Letters: t T: data
-frame with an 11-bit or 29-bit identifier; r R: remote frame; d D: CAN FD; b B: CAN FD with rate switch.
+frame with an 11-bit or 29-bit identifier; r R: remote frame; d D: CAN FD; b B: CAN FD with rate switch. Lines are
+written here and read by the compiled `LineReader` and `parse_line`.
 """
 
 from __future__ import annotations
 
-from binascii import Error as HexError
-from binascii import unhexlify
 from typing import Final
 
+from posfet_core.protocol import LineReader, parse_line
 from posfet_driver.bus.frame import EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+
+__all__ = ["LineReader", "encode_line", "parse_line"]
 
 END: Final = b"\r"
 REFUSED: Final = b"\a"
@@ -28,19 +30,12 @@ FLAG_WARNING: Final = 0x04
 FLAG_PASSIVE: Final = 0x20
 FLAG_BUS_ERROR: Final = 0x80
 """Bits of the reply to the command F: receive queue full or data overrun, error warning, error passive, bus error."""
-_FLAGS_LENGTH: Final = 3
 
 FD_LENGTHS: Final = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length [byte] of each length code of CAN FD."""
 
-_KINDS: Final = {ord("t"): 0, ord("r"): REMOTE, ord("d"): FD, ord("b"): FD | RATE_SWITCH}
-_LETTERS: Final = {kind: chr(letter) for letter, kind in _KINDS.items()}
+_LETTERS: Final = {0: "t", REMOTE: "r", FD: "d", FD | RATE_SWITCH: "b"}
 _CODES: Final = {length: f"{code:X}" for code, length in enumerate(FD_LENGTHS)}
-_STANDARD_HEADER: Final = 5
-_EXTENDED_HEADER: Final = 10
-_TIMESTAMP: Final = 4
-_LONGEST: Final = _EXTENDED_HEADER + 2 * FD_LENGTHS[-1] + _TIMESTAMP
-_HEADER_CACHE: Final = 4096
 
 
 def encode_line(frame: Frame) -> bytes:
@@ -53,110 +48,3 @@ def encode_line(frame: Frame) -> bytes:
     name = f"{letter.upper()}{identifier:08X}" if kind & EXTENDED else f"{letter}{identifier:03X}"
     digits = "" if kind & REMOTE else data.hex().upper()
     return f"{name}{code}{digits}\r".encode()
-
-
-class LineReader:
-    """Splits a stream of bytes into lines and parses them into frames. Bytes may arrive in any pieces.
-
-    Each header (letter, identifier, length code) is parsed once and cached, up to 4096 of them.
-    """
-
-    def __init__(self) -> None:
-        self.malformed = 0
-        """Number of lines that are no frame, no reply and no acknowledgement."""
-        self.refusals = 0
-        """Number of lines that the adapter rejected."""
-        self.flags: int | None = None
-        """Replies to the command F together, bits of FLAG_*; the reader sets it back to None."""
-        self._rest = b""
-        self._headers: dict[bytes, tuple[int, int, int]] = {}
-
-    def clear(self) -> None:
-        """Discard an unfinished line."""
-        self._rest = b""
-
-    def lines(self, data: bytes) -> list[bytes]:
-        """Return the lines that `data` completes, without their ends; a rejection is the line REFUSED."""
-        data = self._rest + data
-        if REFUSED in data:
-            data = data.replace(REFUSED, REFUSED + END)
-        lines = data.split(END)
-        self._rest = lines.pop()
-        if len(self._rest) > _LONGEST:
-            self.malformed += 1
-            self._rest = b"?"  # invalidates the rest of this line
-        return lines
-
-    def frames(self, data: bytes) -> list[Frame]:
-        """Return the frames of the lines that `data` completes."""
-        frames: list[Frame] = []
-        headers = self._headers
-        for line in self.lines(data):
-            header = headers.get(line[:_STANDARD_HEADER])
-            if header is None:
-                self._parse_uncached(line, frames)
-                continue
-            identifier, kind, end = header
-            try:
-                if len(line) == end:
-                    frames.append((identifier, kind, unhexlify(line[_STANDARD_HEADER:])))
-                elif len(line) == end + _TIMESTAMP:
-                    frames.append((identifier, kind, unhexlify(line[_STANDARD_HEADER:end])))
-                else:
-                    self.malformed += 1
-            except HexError:
-                self.malformed += 1
-        return frames
-
-    def _parse_uncached(self, line: bytes, frames: list[Frame]) -> None:
-        """Parse a line whose header is not cached."""
-        if line in _ACKNOWLEDGEMENTS:
-            return
-        if line == REFUSED:
-            self.refusals += 1
-            return
-        if line[:1] == b"F" and len(line) == _FLAGS_LENGTH:
-            self._parse_flags(line)
-            return
-        frame = parse_line(line)
-        if frame is None:
-            self.malformed += 1
-            return
-        frames.append(frame)
-        identifier, kind, data = frame
-        if not kind & (EXTENDED | REMOTE):
-            if len(self._headers) >= _HEADER_CACHE:
-                self._headers.clear()
-            self._headers[line[:_STANDARD_HEADER]] = identifier, kind, _STANDARD_HEADER + 2 * len(data)
-
-    def _parse_flags(self, line: bytes) -> None:
-        try:
-            self.flags = (self.flags or 0) | unhexlify(line[1:])[0]
-        except HexError:
-            self.malformed += 1
-
-
-_ACKNOWLEDGEMENTS: Final = (b"", b"z", b"Z")
-
-
-def parse_line(line: bytes) -> Frame | None:
-    """Return the frame of one line without its end, or None for another line. A trailing time stamp is dropped."""
-    if not line:
-        return None
-    extended = line[0] < ord("a")
-    kind = _KINDS.get(line[0] | 0x20)
-    header = _EXTENDED_HEADER if extended else _STANDARD_HEADER
-    if kind is None or len(line) < header:
-        return None
-    try:
-        # Padded to an even number of digits; int() would accept signs and underscores.
-        identifier = int.from_bytes(unhexlify(line[1 : header - 1].zfill(8)), "big")
-        code = unhexlify(b"0" + line[header - 1 : header])[0]
-        length = FD_LENGTHS[code]
-        end = header if kind & REMOTE else header + 2 * length
-        data = bytes(length) if kind & REMOTE else unhexlify(line[header:end])
-    except HexError:
-        return None
-    highest = 0x1FFF_FFFF if extended else 0x7FF
-    fits = len(line) in (end, end + _TIMESTAMP) and identifier <= highest and (kind & FD or code <= 8)
-    return (identifier, kind | EXTENDED if extended else kind, data) if fits else None

@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Final
 import can
 from can.interfaces.socketcan import constants
 
+from posfet_core.protocol import parse_kernel_frame
 from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
-from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, BoardFrames, Frame
+from posfet_driver.bus.frame import ERROR, EXTENDED, BoardFrames, Frame
 from posfet_driver.bus.message_conversion import message_of
 from posfet_model._lib.units import NANOSECONDS
 
@@ -37,14 +38,11 @@ RECEIVE_BUFFER: Final = 4 << 20
 """Requested size of the socket's receive buffer [byte]; a frame takes nearly 1 kB of it. Without CAP_NET_ADMIN the
 kernel limits it to twice net.core.rmem_max."""
 
-_FRAME: Final = struct.Struct("=IBB2x")
-"""Head of struct can_frame and canfd_frame (linux/can.h): identifier with flags, length, flags of CAN FD."""
 _FD_SIZE: Final = 72
-_RATE_SWITCH: Final = 0x01
+"""Length of struct canfd_frame, the longest that is read [byte]."""
 _OTHER: Final = EXTENDED | ERROR
 """Kinds of frames that no board sends."""
-_SPECIAL: Final = 0xE000_0000
-_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
 _FILTER: Final = struct.Struct("=II")
 """struct can_filter: identifier and mask, both with flags."""
 _INVERTED: Final = 0x2000_0000
@@ -128,7 +126,7 @@ class SocketcanFrameBus:
         receive = self._socket.recv
         try:
             while len(frames) < READ_LIMIT:
-                frames.append(_frame(receive(_FD_SIZE, socket.MSG_DONTWAIT)))
+                frames.append(parse_kernel_frame(receive(_FD_SIZE, socket.MSG_DONTWAIT)))
         except BlockingIOError:
             pass
         except OSError as error:
@@ -218,19 +216,3 @@ def _range_filters(identifiers: range) -> Iterator[tuple[int, int]]:
             size >>= 1
         yield first, (_STANDARD & ~(size - 1)) | _EXTENDED
         first += size
-
-
-def _frame(data: bytes) -> Frame:
-    """Return a frame from the bytes of the kernel."""
-    identifier, length, flags = _FRAME.unpack_from(data)
-    kind = 0
-    if len(data) == _FD_SIZE:
-        kind = FD | RATE_SWITCH if flags & _RATE_SWITCH else FD
-    if identifier & _SPECIAL:
-        kind |= (
-            EXTENDED * bool(identifier & _EXTENDED)
-            | REMOTE * bool(identifier & _REMOTE)
-            | ERROR * bool(identifier & _ERROR)
-        )
-        identifier &= ~_SPECIAL
-    return identifier, kind, data[_FRAME.size : _FRAME.size + length]

@@ -12,8 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from posfet_core.protocol import Traffic
 from posfet_driver.protocol.messages import Identity, Response, Status
 from posfet_model.sensor.scan import Scan
+
+__all__ = ["Decoded", "IdentityReceived", "ResponseReceived", "ScanReady", "StatusReceived", "Traffic"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +48,3 @@ class IdentityReceived:
 
 
 Decoded: TypeAlias = ScanReady | StatusReceived | IdentityReceived | ResponseReceived
-
-
-@dataclass(slots=True)
-class Traffic:
-    """Frames that carry no scan of the board, by cause; counters never fall."""
-
-    frames: int = 0
-    """All frames on the bus, error frames included."""
-    commands: int = 0
-    """Commands to the board from other hosts on the bus, or from this one before it closed the bus."""
-    unrelated: int = 0
-    """Frames of other nodes on the bus."""
-    malformed: int = 0
-    """Messages of the wrong length or type, or with an impossible value."""
-    status_lost: int = 0
-    """Status frames that did not arrive, by their heartbeat."""
-    status_repeated: int = 0
-    """Status frames that repeat the one before."""

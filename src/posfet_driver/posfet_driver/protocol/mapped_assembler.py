@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from posfet_core.protocol import ScanStatistics
 from posfet_driver.protocol.frame_tables import FrameTables, Part
-from posfet_driver.protocol.scan_assembler import ScanStatistics
 
 UNKNOWN: Final = -1
 """Sequence or time of a scan whose frames have held none yet."""

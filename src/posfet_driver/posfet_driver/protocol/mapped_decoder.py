@@ -13,15 +13,14 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from posfet_core.protocol import ScanStatistics, WallOffset
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
-from posfet_driver.protocol.clock_sync import WallOffset
 from posfet_driver.protocol.decoded import Decoded, ScanReady, Traffic
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler
 from posfet_driver.protocol.mapped_numbering import MappedNumbering
 from posfet_driver.protocol.messages import Identity, Status
-from posfet_driver.protocol.scan_assembler import ScanStatistics
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus

@@ -11,10 +11,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from posfet_core.protocol import FROZEN_READINGS, AscendingStamps, ClockSync
 from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
-from posfet_driver.protocol.ascending_stamps import AscendingStamps
-from posfet_driver.protocol.clock_sync import ClockSync
-from posfet_driver.protocol.device_clock import FROZEN_READINGS
 from posfet_driver.protocol.frame_tables import FrameTables
 from posfet_driver.protocol.mapped_assembler import LATE, MappedAssembler, late_scans
 

@@ -13,10 +13,9 @@ import binascii
 import struct
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
 from posfet_driver.protocol.messages import (
@@ -30,8 +29,6 @@ from posfet_model._lib.validation import whole_number
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
-
-Counts: TypeAlias = NDArray[np.uint16]
 
 CLASSIC_TAXELS: Final = 5
 CLASSIC_LENGTH: Final = 8
@@ -50,7 +47,6 @@ MAX_BLOCKS: Final = 256
 _FD_HEADER: Final = struct.Struct("<IIBBH")
 _FD_COVERED: Final = 10  # bytes before the checksum
 _FD_COUNTS: Final = 12
-_FD_BLOCK: Final = np.dtype([("header", "V12"), ("counts", "<u2", FD_TAXELS)])
 _SCAN_HEADER: Final = struct.Struct("<II")
 _CRC_INITIAL: Final = 0xFFFF
 
@@ -99,9 +95,7 @@ class ScanHeader:
 
 
 class ScanCodec(ABC):
-    """Encodes and decodes the scans of one layout in one frame format.
-
-    `wire` holds the data of all blocks of a scan, `block_length` bytes each.
+    """Encodes the scans of one layout in one frame format; `posfet_core.protocol` decodes them.
 
     Parameters
     ----------
@@ -118,15 +112,10 @@ class ScanCodec(ABC):
     def __init__(self, taxels: int) -> None:
         self.taxels = whole_number("taxels", taxels, 1, MAX_BLOCKS * FD_TAXELS)
         self.blocks = -(-taxels // self.taxels_per_block)
-        self.wire = bytearray(self.blocks * self.block_length)
 
     @abstractmethod
     def offset(self, block: int) -> int:
         """Return the identifier of a block less the board's base identifier."""
-
-    @abstractmethod
-    def decode(self, out: Counts) -> None:
-        """Write the counts in `wire` to `out`, shape [taxels]."""
 
     @abstractmethod
     def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
@@ -154,10 +143,8 @@ class FdCodec(ScanCodec):
 
     def __init__(self, taxels: int) -> None:
         super().__init__(taxels)
-        self._wire_counts = np.frombuffer(self.wire, _FD_BLOCK)["counts"]
         self._padded = np.zeros((self.blocks, FD_TAXELS), np.uint16)
         self._counts = self._padded.reshape(-1)[:taxels]
-        self._only_block = self._wire_counts[0, :taxels] if self.blocks == 1 else None
 
     def offset(self, block: int) -> int:
         """Return the identifier of a block less the board's base identifier: all blocks share one."""
@@ -179,14 +166,6 @@ class FdCodec(ScanCodec):
         """
         header: tuple[int, int, int, int, int] = _FD_HEADER.unpack_from(data)
         return header
-
-    def decode(self, out: Counts) -> None:
-        """Write the counts in `wire` to `out`, shape [taxels]."""
-        if self._only_block is not None:
-            out[...] = self._only_block
-            return
-        self._padded[:] = self._wire_counts
-        out[:] = self._counts
 
     def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
         """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
@@ -227,24 +206,13 @@ class ClassicCodec(ScanCodec):
 
     def __init__(self, taxels: int) -> None:
         super().__init__(taxels)
-        self._words = np.frombuffer(self.wire, "<u8").reshape(-1, 1)
         self._shifts = np.arange(4, 64, 12, dtype=np.uint64)
-        self._codes = np.zeros((self.blocks, CLASSIC_TAXELS), np.uint64)
         self._padded = np.zeros((self.blocks, CLASSIC_TAXELS), np.uint16)
         self._counts = self._padded.reshape(-1)[:taxels]
 
     def offset(self, block: int) -> int:
         """Return the identifier of a block less the board's base identifier."""
         return CLASSIC_BLOCK_OFFSET + block
-
-    def decode(self, out: Counts) -> None:
-        """Write the counts in `wire` to `out`, shape [taxels]."""
-        np.right_shift(self._words, self._shifts, out=self._codes)
-        padded = self._padded
-        padded[:] = self._codes  # keeps the low 16 bits: the code and, above it, 4 bits of its neighbour
-        padded <<= 4
-        padded |= padded >> 12
-        out[:] = self._counts
 
     def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
         """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""

@@ -18,14 +18,14 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC
-from posfet_driver.protocol.clock_sync import ClockSync
-from posfet_driver.protocol.device_clock import DeviceClock
-from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, SEQUENCE, ScanHeader
-from posfet_driver.protocol.scan_group import Held, ScanGroup
-from posfet_driver.protocol.scan_numbering import TOLERANCE, Number, ScanNumbering
-from posfet_driver.protocol.tick_line import AGREEMENT, TickLine
 from posfet_model.sensor.scan import Scan
+from reference.protocol.clock_sync import ClockSync
+from reference.protocol.device_clock import DeviceClock
+from reference.protocol.scan_assembler import Assembler, BlockOutcome
+from reference.protocol.scan_group import Held, ScanGroup
+from reference.protocol.scan_numbering import TOLERANCE, Number, ScanNumbering
+from reference.protocol.tick_line import AGREEMENT, TickLine
 
 LATE_BLOCKS: Final = 3
 """A counter that is up to this far behind belongs to a late frame; further behind, scans were lost [1]."""

@@ -15,6 +15,7 @@ from enum import Enum
 import numpy as np
 
 from posfet_driver.protocol.scan_codec import ScanCodec
+from reference.protocol.scan_counts import unpack_counts
 
 
 @dataclass(slots=True)
@@ -78,7 +79,7 @@ class Assembler:
         self.status = 0
         """Status of the current scan, from the block that arrived last."""
         length = codec.block_length
-        self._wire = codec.wire
+        self._wire = bytearray(codec.blocks * length)
         self._slots = [slice(block * length, (block + 1) * length) for block in range(codec.blocks)]
         self._all_blocks = (1 << codec.blocks) - 1
         self._received = 0  # bits of the blocks of the current scan
@@ -133,7 +134,7 @@ class Assembler:
         self._wire[slot] = data
         if self._received != self._all_blocks:
             return _COLLECTED
-        self.codec.decode(self.counts)
+        unpack_counts(self.codec.fd, self._wire, self.counts)
         return _COMPLETE
 
     def abandon(self) -> None:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from posfet_driver.protocol.scan_assembler import Assembler
 from posfet_driver.protocol.scan_codec import HEADER_SCANS
-from posfet_driver.protocol.tick_line import TickLine
 from posfet_model.sensor.scan import Scan
+from reference.protocol.scan_assembler import Assembler
+from reference.protocol.tick_line import TickLine
 
 MOST_HELD: Final = 2 * HEADER_SCANS
 """Scans that are held at most: by then two headers were lost, or the board sends none."""

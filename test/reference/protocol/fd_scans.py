@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.bus.frame import FD, RATE_SWITCH
-from posfet_driver.protocol.clock_sync import ClockSync
-from posfet_driver.protocol.device_clock import DeviceClock
-from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import FD_LENGTH, SEQUENCE, FdCodec, checksum
-from posfet_driver.protocol.scan_numbering import Number, ScanNumbering
+from reference.protocol.clock_sync import ClockSync
+from reference.protocol.device_clock import DeviceClock
+from reference.protocol.scan_assembler import Assembler, BlockOutcome
+from reference.protocol.scan_numbering import Number, ScanNumbering
 
 ROUNDING: Final = 1.0
 """Error of a device time [us]."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from posfet_driver.protocol.clock_sync import ClockSync
+from reference.protocol.clock_sync import ClockSync
 
 FROZEN_READINGS: Final = 3
 """Consecutive readings of the same device time from which on the clock is reported as frozen."""

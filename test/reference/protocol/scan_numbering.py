@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from posfet_driver.protocol.device_clock import DeviceClock
-from posfet_driver.protocol.scan_assembler import ScanStatistics
 from posfet_driver.protocol.scan_codec import SEQUENCE
+from reference.protocol.device_clock import DeviceClock
+from reference.protocol.scan_assembler import ScanStatistics
 
 LATE: Final = 64
 """Scans by which a frame may be late [1]; one that is further behind belongs to another boot. Assumed."""
