@@ -371,7 +371,7 @@ def test_a_terminal_that_is_not_read_loses_whole_scans_beyond_half_a_second(sens
             end = SystemClock().monotonic() + PATIENCE * 1e9
             while adapter.frames_dropped < 1000:
                 assert SystemClock().monotonic() < end
-                clock.jump(0.01)
+                SystemClock().sleep(0.01)  # not jumps, which turn the board's clock over on a fast machine
             waiting = adapter.frames_sent
             decoder = Decoder(with_fd(sensor, False))
             decoder.start()
