@@ -21,9 +21,7 @@
 #include <random>
 #include <vector>
 
-#include "posfet_core/protocol/board_decoder.hpp"
-#include "posfet_core/protocol/kernel_frame.hpp"
-#include "posfet_core/protocol/slcan.hpp"
+#include "posfet_core/protocol/decoded_bytes.hpp"
 
 namespace {
 
@@ -88,11 +86,11 @@ public:
       case 0:
         decoder_.end_batch();
         arrival_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(arrival_) + input.number(4));
-        decoder_.begin_batch(1, arrival_, 0);
+        decoder_.begin_batch(arrival_, 0);
         break;
       case 1:
         arrival_ = static_cast<std::int64_t>(input.number(8));
-        decoder_.begin_batch(1, arrival_, static_cast<std::int64_t>(input.number(8)));
+        decoder_.begin_batch(arrival_, static_cast<std::int64_t>(input.number(8)));
         break;
       case 2:
         decoder_.start();
@@ -114,6 +112,13 @@ public:
         send_block(input);
     }
   }
+
+  void scan(const CompleteScan& scan, const std::vector<std::uint16_t>& counts) {
+    ++published;
+    checksum_ += scan.status + counts.front();
+  }
+  void message(Found /*found*/, const Frame& frame) { checksum_ += frame.data[frame.length - 1]; }
+  void error(const Frame& frame) { checksum_ += frame.length > 0 ? frame.data[frame.length - 1] : 0U; }
 
 private:
   void feed(const Frame& frame) {
@@ -155,15 +160,13 @@ private:
   void read_lines(Input& input) {
     std::size_t size = 0;
     const std::uint8_t* piece = input.take(input.number(1), size);
-    reader_.read(piece, size, [this](const Frame& frame) { feed(frame); });
+    decode_lines(reader_, decoder_, piece, size, *this);
   }
 
   void read_kernel_frame(Input& input) {
     std::size_t size = 0;
     const std::uint8_t* piece = input.take(input.number(1) % 2 != 0 ? kKernelFdFrame : 16, size);
-    if (const auto frame = parse_kernel_frame(piece, size)) {
-      feed(*frame);
-    }
+    decode_kernel_frame(decoder_, piece, size, *this);
   }
 
   void send_message(Input& input) {

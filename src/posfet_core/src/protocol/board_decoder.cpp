@@ -21,8 +21,7 @@ constexpr double kNanoseconds = 1e9;
 BoardDecoder::BoardDecoder(const ScanFormat& format, std::uint32_t base)
     : base_(base), assembler_(format), fd_(assembler_, sync_), classic_(assembler_, sync_) {}
 
-void BoardDecoder::begin_batch(std::size_t frames, std::int64_t arrival, std::int64_t wall_offset) {
-  traffic.frames += frames;
+void BoardDecoder::begin_batch(std::int64_t arrival, std::int64_t wall_offset) {
   arrival_ = arrival;
   wall_offset_.read(wall_offset);
   classic_.group().drop_released();

@@ -14,11 +14,13 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "posfet_core/protocol/ascending_stamps.hpp"
 #include "posfet_core/protocol/board_decoder.hpp"
 #include "posfet_core/protocol/classic_scans.hpp"
 #include "posfet_core/protocol/clock_sync.hpp"
+#include "posfet_core/protocol/decoded_bytes.hpp"
 #include "posfet_core/protocol/fd_scans.hpp"
 #include "posfet_core/protocol/kernel_frame.hpp"
 #include "posfet_core/protocol/slcan.hpp"
@@ -61,10 +63,14 @@ py::object frame_of_line(const py::bytes& line) {
   return py::none();
 }
 
+std::invalid_argument too_few(const py::bytes& data) {
+  return std::invalid_argument("a frame of the kernel has at least 8 bytes, got " + std::to_string(size_of(data)));
+}
+
 py::tuple frame_of_kernel(const py::bytes& data) {
   const std::optional<Frame> frame = parse_kernel_frame(bytes_of(data), size_of(data));
   if (!frame) {
-    throw std::invalid_argument("a frame of the kernel has at least 8 bytes, got " + std::to_string(size_of(data)));
+    throw too_few(data);
   }
   return tuple_of(*frame);
 }
@@ -169,6 +175,44 @@ py::object advance(BoardDecoder& decoder, Batch& batch, const py::object& scan) 
   batch.ended = true;
   decoder.end_batch();
   return py::none();
+}
+
+/// What bytes have brought, as a list: each scan as the tuple of its fields and the bytes of its counts, and the frames
+/// of messages and errors.
+class Listed {
+public:
+  void scan(const CompleteScan& scan, const std::vector<std::uint16_t>& counts) {
+    list.append(py::make_tuple(
+        scan.stamp, scan.sequence, scan.device_time, scan.status, scan.frames_lost, scan.stamp_uncertainty,
+        py::bytes(reinterpret_cast<const char*>(counts.data()), counts.size() * sizeof counts[0])));
+  }
+  void message(Found /*found*/, const Frame& frame) { list.append(tuple_of(frame)); }
+  void error(const Frame& frame) { list.append(tuple_of(frame)); }
+
+  py::list list;
+};
+
+py::list decode_bytes_of_lines(BoardDecoder& decoder, LineReader& lines, const py::bytes& data, Wide arrival,
+                               Wide wall_offset) {
+  Listed found;
+  decoder.begin_batch(static_cast<std::int64_t>(arrival), static_cast<std::int64_t>(wall_offset));
+  decode_lines(lines, decoder, bytes_of(data), size_of(data), found);
+  decoder.end_batch();
+  return found.list;
+}
+
+py::list decode_reads(BoardDecoder& decoder, const std::vector<py::bytes>& reads, Wide arrival, Wide wall_offset) {
+  Listed found;
+  decoder.begin_batch(static_cast<std::int64_t>(arrival), static_cast<std::int64_t>(wall_offset));
+  const py::bytes* short_one = nullptr;
+  for (const py::bytes& data : reads) {
+    short_one = decode_kernel_frame(decoder, bytes_of(data), size_of(data), found) ? short_one : &data;
+  }
+  decoder.end_batch();
+  if (short_one != nullptr) {
+    throw too_few(*short_one);
+  }
+  return found.list;
 }
 
 template <typename Class>
@@ -360,12 +404,16 @@ void bind_decoder(const py::module_& module) {
           "begin_batch",
           [](BoardDecoder& decoder, const py::object& frames, Wide arrival, Wide wall_offset) {
             Batch batch(frames);
-            decoder.begin_batch(batch.size(), static_cast<std::int64_t>(arrival),
-                                static_cast<std::int64_t>(wall_offset));
+            decoder.traffic.frames += batch.size();
+            decoder.begin_batch(static_cast<std::int64_t>(arrival), static_cast<std::int64_t>(wall_offset));
             return batch;
           },
           py::arg("frames"), py::arg("arrival"), py::arg("wall_offset"))
-      .def("advance", &advance, py::arg("batch"), py::arg("scan"));
+      .def("advance", &advance, py::arg("batch"), py::arg("scan"))
+      .def("decode_lines", &decode_bytes_of_lines, py::arg("lines"), py::arg("data"), py::arg("arrival"),
+           py::arg("wall_offset"), "Return the scans, messages and error frames in bytes of an adapter, a batch.")
+      .def("decode_kernel_frames", &decode_reads, py::arg("reads"), py::arg("arrival"), py::arg("wall_offset"),
+           "Return the scans, messages and error frames in what reads of a socket have returned, a batch.");
   module.attr("COMMANDS_KEPT") = kCommandsKept;
 }
 

@@ -7,9 +7,9 @@
 
 /// Decodes the frames of one board into complete, numbered and stamped scans. Knows no bus, thread or clock.
 ///
-/// A thread reads frames, and for each batch calls
+/// A thread reads frames, and for each batch calls (decoded_bytes.hpp does it for bytes)
 ///
-///     decoder.begin_batch(frames, arrival, wall_offset);
+///     decoder.begin_batch(arrival, wall_offset);
 ///     for (each frame) {
 ///       Found found = decoder.feed(frame);         // kScan: decoder.scan() is complete
 ///       while (found == Found::kReleased && decoder.release()) { ... decoder.scan() ... }
@@ -68,9 +68,9 @@ public:
   BoardDecoder(const BoardDecoder&) = delete;
   BoardDecoder& operator=(const BoardDecoder&) = delete;
 
-  /// Begin a batch of some number of frames, which was read at a monotonic time [ns], with the wall time less the
-  /// monotonic time [ns]; what the batch before has released and nobody took is dropped.
-  void begin_batch(std::size_t frames, std::int64_t arrival, std::int64_t wall_offset);
+  /// Begin a batch of frames, which was read at a monotonic time [ns], with the wall time less the monotonic time [ns];
+  /// what the batch before has released and nobody took is dropped.
+  void begin_batch(std::int64_t arrival, std::int64_t wall_offset);
 
   /// Process the next frame of the batch.
   Found feed(const Frame& frame);
@@ -90,7 +90,7 @@ public:
   /// Longest time that the frames of a scan occupy the bus [s].
   double transit_time = 0.0;
 
-  /// Frames that carry no scan, by cause.
+  /// Frames that carry no scan, by cause; who feeds counts all of them.
   Traffic traffic;
 
   Assembler& assembler() { return assembler_; }
