@@ -43,6 +43,9 @@ AFTER = 3 * SECOND
 """Time for which scans are read afterwards [ns]."""
 COSTS = {"a fifth": 5 * MILLISECOND, "a hundredth": 100 * MILLISECOND, "longer than the backlog": 700 * MILLISECOND}
 """Time that a scan takes while the process gets this share of what it needs [ns]."""
+LONGEST_GAP = 8 * PERIOD
+"""Longest interval between two scans of a board whose process gets a fifth, once it has been starved for a while
+[ns]."""
 RELIEVED = 400_000
 """Time that a scan takes afterwards [ns]: the machine is still busy."""
 
@@ -90,6 +93,9 @@ def test_the_board_in_this_process(cost: int) -> None:
             clock.now += cost if clock.now < STARVED else RELIEVED
     judge(arrivals, STARVED, round(LONGEST_BACKLOG * SECOND))
     assert all(each.late for each in arrivals if each.delay > LATE * SECOND)
+    if cost == COSTS["a fifth"]:
+        starved = [each.due for each in arrivals if STARVED / 2 < each.at <= STARVED]
+        assert max(later - earlier for earlier, later in itertools.pairwise(starved)) <= LONGEST_GAP
     lost = arrivals[-1].sequence + 1 - len(arrivals)
     assert lost > 0
     assert source.report().fault_counts == {FaultKind.SCAN_OVERRUN: lost}

@@ -19,7 +19,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG
+from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG, STOPPED
 from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.scene import Scene, SceneLoads
 
@@ -30,10 +30,11 @@ class SimulationSource:
     """Delivers each scan of a board at its sampling time.
 
     The next scan is computed while the reader waits for it. A late reader gets the scans that are due one after the
-    other, with STATUS_SCAN_OVERRUN from a delay of LATE on; by LONGEST_BACKLOG, all but the newest are missed, which is
-    counted. The stamps are the sampling times. Scans that the board's link loses are missing,
-    duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film does
-    not remember the loads before; the first scan says so.
+    other, with STATUS_SCAN_OVERRUN from a delay of LATE on. Those later than LONGEST_BACKLOG are missed, which is
+    counted: a machine that is too slow thins the scans out, and forces can be followed across many short gaps, not across
+    a few long ones. After a stop, all but the newest are missed. The stamps are the sampling times. Scans that the
+    board's link loses are missing, duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film
+    does not remember the loads before; the first scan says so.
 
     Parameters
     ----------
@@ -141,13 +142,15 @@ class SimulationSource:
                 return self._scan
 
     def _miss(self, now: int) -> None:
-        """Miss the scans that are due at `now` [ns], but for the newest."""
-        since = (now - self._start) / NANOSECONDS
-        missed = max(self.board.clock.last_by(since) - self._next, 0)
+        """Miss the scans that are too late at `now` [ns]."""
+        since, clock = (now - self._start) / NANOSECONDS, self.board.clock
+        newest = clock.last_by(since)
+        oldest = newest if self._delay > STOPPED else min(clock.last_by(since - LONGEST_BACKLOG) + 1, newest)
+        missed = max(oldest - self._next, 0)
         self._next += missed
         self._missed += missed
         self._overrun |= missed > 0
-        self._delay = max(since - self.board.clock.time(self._next), 0.0)
+        self._delay = max(since - clock.time(self._next), 0.0)
         self.board.skip_to(self._next)
 
     def close(self) -> None:
