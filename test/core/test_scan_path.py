@@ -42,7 +42,7 @@ def follow(scans: int) -> tuple[tuple[Contact, ...], dict[int, Motion]]:
     finder, following, channel = ContactFinder(LAYOUT, 0.5e-3, 0.02, 0.01), tracker(), DynamicChannel(LAYOUT, 3e-4)
     force = np.zeros(25)
     force[[11, 12, 13]] = 0.1, 0.3, 0.1
-    finder.update_thresholds(force, VARIANCE, 0.0)
+    finder.update_thresholds(force, VARIANCE)
     estimate = ForceEstimate(force, VARIANCE)
     for _ in range(scans):
         assert finder.find(force) == 1
@@ -84,7 +84,7 @@ def test_a_force_estimate_keeps_its_arrays() -> None:
     finder, force = ContactFinder(LAYOUT, 0.5e-3, 0.02, 0.01), np.full(25, 0.1)
     finder.find(force)
     estimate = ForceEstimate(
-        np.full(25, 0.1), np.full(25, 1e-7), 0.0, np.zeros(25, bool), None, None, np.full((25, 3), 1e-3)
+        np.full(25, 0.1), np.full(25, 1e-7), np.zeros(25, bool), None, None, np.full((25, 3), 1e-3)
     )
     [region] = finder.measure(estimate)
     assert region.force == pytest.approx(2.5, abs=1e-12)
@@ -127,11 +127,11 @@ def test_any_numbers_give_contacts_of_taxels_that_exist_each_with_an_id_of_its_o
     channel = DynamicChannel(layout, 3e-4)
     for scan in range(12):
         if scan % 3 == 0:
-            finder.update_thresholds(anything.values(20), anything.values(20), anything.value(), anything.flags())
+            finder.update_thresholds(anything.values(20), anything.values(20), anything.flags())
         force = anything.values(20)
         flags = [anything.flags() for _ in range(3)]
         finder.find(force)
-        estimate = ForceEstimate(force, anything.values(20), anything.value(), *flags, anything.values(20, 2))
+        estimate = ForceEstimate(force, anything.values(20), *flags, anything.values(20, 2))
         contacts = following.follow(finder, estimate, 1e-3)
         channel.advance(anything.values(20), 1e-3)
         motions = channel.update(following, force, 1e-3)

@@ -22,8 +22,6 @@ double ForceEstimate::computed_variance_of_sum(const Taxels& taxels) const {
   for (const Taxel taxel : taxels) {
     total += variance[taxel];
   }
-  const auto count = static_cast<double>(taxels.size());
-  total += count * count * common_variance;
   for (std::size_t cause = 0; cause < causes; ++cause) {
     double shared = 0.0;
     for (const Taxel taxel : taxels) {

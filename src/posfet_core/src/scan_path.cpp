@@ -33,8 +33,8 @@ namespace {
 /// A force estimate with the arrays that it refers to.
 class PythonForceEstimate {
 public:
-  PythonForceEstimate(KeptValues force, KeptValues variance, double common_variance, Flags saturated, Flags unlisted,
-                      Flags interpolated, std::optional<Values> correlated_error)
+  PythonForceEstimate(KeptValues force, KeptValues variance, Flags saturated, Flags unlisted, Flags interpolated,
+                      std::optional<Values> correlated_error)
       : force_(std::move(force)),
         variance_(std::move(variance)),
         saturated_(std::move(saturated)),
@@ -44,7 +44,6 @@ public:
     const Taxel count = force_.size();
     estimate_.force = values_of(force_, count, "force");
     estimate_.variance = values_of(variance_, count, "variance");
-    estimate_.common_variance = common_variance;
     estimate_.saturated = flags_of(saturated_, count, "saturated");
     estimate_.unlisted = flags_of(unlisted_, count, "unlisted");
     estimate_.interpolated = flags_of(interpolated_, count, "interpolated");
@@ -117,10 +116,9 @@ void bind_detection(const py::module_& module) {
            py::arg("rows"), py::arg("cols"), py::arg("pitch_x"), py::arg("pitch_y"), py::arg("taxel_area"));
 
   py::class_<PythonForceEstimate>(module, "ForceEstimate", "Forces of all taxels with their uncertainty.")
-      .def(py::init<KeptValues, KeptValues, double, Flags, Flags, Flags, std::optional<Values>>(),
-           py::arg("force").noconvert(), py::arg("variance").noconvert(), py::arg("common_variance") = 0.0,
-           py::arg("saturated") = py::none(), py::arg("unlisted") = py::none(), py::arg("interpolated") = py::none(),
-           py::arg("correlated_error") = py::none());
+      .def(py::init<KeptValues, KeptValues, Flags, Flags, Flags, std::optional<Values>>(), py::arg("force").noconvert(),
+           py::arg("variance").noconvert(), py::arg("saturated") = py::none(), py::arg("unlisted") = py::none(),
+           py::arg("interpolated") = py::none(), py::arg("correlated_error") = py::none());
 
   py::class_<ContactFinder>(module, "ContactFinder", "Detects contacts scan by scan, with hysteresis.")
       .def(py::init([](const Layout& layout, double spread, double enter, double release) {
@@ -133,13 +131,12 @@ void bind_detection(const py::module_& module) {
           py::arg("enter"), py::arg("release"), "Use other thresholds [N] from the next `update_thresholds` on.")
       .def(
           "update_thresholds",
-          [](ContactFinder& finder, const Values& force, const Values& variance, double common_variance,
-             const Flags& usable) {
+          [](ContactFinder& finder, const Values& force, const Values& variance, const Flags& usable) {
             const Taxel taxels = finder.grid().taxels();
             finder.thresholds().update(values_of(force, taxels, "force"), values_of(variance, taxels, "variance"),
-                                       common_variance, flags_of(usable, taxels, "usable"));
+                                       flags_of(usable, taxels, "usable"));
           },
-          py::arg("force"), py::arg("variance"), py::arg("common_variance"), py::arg("usable") = py::none(),
+          py::arg("force"), py::arg("variance"), py::arg("usable") = py::none(),
           "Set the thresholds according to the uncertainty of the forces.")
       .def(
           "find",

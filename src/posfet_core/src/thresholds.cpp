@@ -27,9 +27,9 @@ Thresholds::Thresholds(Taxel taxels, ContactThresholds contact) : contact_(conta
   }
 }
 
-void Thresholds::update(const double* force, const double* variance, double common_variance, const bool* usable) {
+void Thresholds::update(const double* force, const double* variance, const bool* usable) {
   for (std::size_t taxel = 0; taxel < touched_.size(); ++taxel) {
-    const double deviation = std::sqrt(variance[taxel] + common_variance);
+    const double deviation = std::sqrt(variance[taxel]);
     recent_[taxel] = std::fmax(force[taxel], kRecentDecay * recent_[taxel]);
     const double residual = kResidualHysteresis * recent_[taxel];
     enter_[taxel] = maximum(maximum(contact_.enter, residual), kEnterDeviations * deviation);

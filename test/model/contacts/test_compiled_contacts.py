@@ -94,7 +94,6 @@ class Player:
         self.force = np.zeros(layout.taxels)
         self.variance = random.uniform(0.1e-6, 4e-6, layout.taxels)
         self.correlated_error = random.normal(0.0, 1e-3, (layout.taxels, story.causes))
-        self.common_variance = float(random.uniform(0.0, 1e-6))
 
     def advance(self) -> float:
         """Move the contacts and set the forces [N] anew; return the step [s]."""
@@ -138,7 +137,6 @@ class Compiled:
         taxels = ForceEstimate(
             player.force,
             player.variance,
-            player.common_variance,
             player.saturated(),
             player.unlisted if any_faulty else None,
             player.interpolated if player.interpolated.any() else None,
@@ -161,7 +159,6 @@ class Plain:
         taxels = detection.ForceEstimate(
             player.force,
             player.variance,
-            player.common_variance,
             player.saturated(),
             self.finder.bits(player.unlisted),
             player.interpolated if player.interpolated.any() else None,
@@ -217,7 +214,7 @@ def play(story: Story) -> None:
         if scan % BLOCK == 0:
             usable = player.usable()
             for each in (compiled, plain):
-                each.finder.update_thresholds(player.force, player.variance, player.common_variance, usable)
+                each.finder.update_thresholds(player.force, player.variance, usable)
         change = np.nan_to_num(player.force - before)
         pauses = player.pauses
         for each in (compiled, plain):

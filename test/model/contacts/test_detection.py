@@ -105,8 +105,8 @@ def find(
 ) -> list[Region]:
     finder = finder or ContactFinder(sensor)
     variance = np.full(sensor.layout.taxels, NOISE**2)
-    finder.update_thresholds(forces, variance, 0.0)
-    taxels = ForceEstimate(forces, variance, more.get("common", 0.0), more.get("saturated"))
+    finder.update_thresholds(forces, variance)
+    taxels = ForceEstimate(forces, variance, more.get("saturated"), correlated_error=more.get("correlated_error"))
     finder.find(forces)
     return list(finder.measure(taxels))
 
@@ -146,7 +146,7 @@ def test_contact_force_equals_the_force_of_the_sphere() -> None:
 def test_all_properties_of_a_region() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[11, 12, 13]] = 0.1, 0.3, 0.1
-    [region] = find(forces, common=1e-6)
+    [region] = find(forces, correlated_error=np.full((LAYOUT.taxels, 1), 1e-3))
     assert region.taxels.tolist() == [11, 12, 13]
     assert region.centre_of_pressure == pytest.approx((0, 0), abs=1e-12)
     assert region.geometric_centre == pytest.approx((0, 0), abs=1e-12)
@@ -189,9 +189,9 @@ def test_hysteresis_keeps_a_contact_between_the_thresholds() -> None:
 def test_thresholds_rise_with_the_uncertainty_of_the_force() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.full(LAYOUT.taxels, 0.03)
-    finder.update_thresholds(forces, VARIANCE, 0.01**2)
+    finder.update_thresholds(forces, VARIANCE + 0.01**2)
     assert not finder.find(forces)
-    finder.update_thresholds(forces, VARIANCE, 0.0)
+    finder.update_thresholds(forces, VARIANCE)
     assert finder.find(forces) == 1
 
 
@@ -202,7 +202,7 @@ def test_a_held_contact_lasts_despite_high_uncertainty_and_ends_on_release() -> 
     assert len(find(forces, finder=finder)) == 1
     for deviation in np.linspace(0.0, 0.2, 100):
         forces[12] -= 0.001  # baseline drift in the meantime
-        finder.update_thresholds(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
+        finder.update_thresholds(forces, np.full(LAYOUT.taxels, deviation**2))
         assert finder.find(forces) == 1
     forces[12] -= 0.15
     assert not finder.find(forces)
@@ -223,7 +223,7 @@ def test_unusable_taxels_belong_to_no_contact() -> None:
     usable = np.ones(LAYOUT.taxels, np.bool_)
     usable[12] = False
     forces = sphere(0, 0, 1.0)
-    finder.update_thresholds(forces, VARIANCE, 0.0, usable)
+    finder.update_thresholds(forces, VARIANCE, usable)
     assert finder.find(forces) == 1
     [region] = finder.measure(ForceEstimate(forces, VARIANCE))
     assert 12 not in region.taxels
@@ -232,7 +232,7 @@ def test_unusable_taxels_belong_to_no_contact() -> None:
 
 def test_a_touch_on_a_noisy_taxel_continues_on_lower_neighbour_forces_than_at_onset() -> None:
     finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
-    finder.update_thresholds(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
+    finder.update_thresholds(forces, np.full(LAYOUT.taxels, 3e-3**2))
     taxels = ForceEstimate(forces, VARIANCE, unlisted=np.arange(LAYOUT.taxels) == 12)
     forces[12] = 0.05
     found: list[Region] = []
@@ -252,7 +252,7 @@ def test_a_force_being_released_counts_as_touched() -> None:
         forces[12] = force
         finder.find(forces)
         touched.append(bool(finder.touched[12]))
-        finder.update_thresholds(forces, VARIANCE, 0.0)
+        finder.update_thresholds(forces, VARIANCE)
     assert touched == [True, True, True, True, True, False]
 
 
@@ -312,7 +312,7 @@ def test_moments_of_arbitrary_forces_are_finite_and_near_the_array(values: list[
     ("arguments", "error"),
     [
         ((np.zeros(24), VARIANCE), "variance must have one value for each of 24 taxels"),
-        ((np.zeros(25), VARIANCE, 0.0, np.zeros(5, np.bool_)), "saturated must have one value for each of 25 taxels"),
+        ((np.zeros(25), VARIANCE, np.zeros(5, np.bool_)), "saturated must have one value for each of 25 taxels"),
     ],
 )
 def test_arrays_of_another_size_are_refused(arguments: tuple[Any, ...], error: str) -> None:

@@ -48,7 +48,7 @@ def sphere(x: float, y: float, force: float, radius: float = 1.5e-3, modulus: fl
 
 
 def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Region]) -> list[Region]:
-    finder.update_thresholds(forces, VARIANCE, 0.0)
+    finder.update_thresholds(forces, VARIANCE)
     finder.find(forces)
     return list(finder.measure(ForceEstimate(forces, VARIANCE), before))
 

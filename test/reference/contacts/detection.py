@@ -91,9 +91,7 @@ class ForceEstimate:
     force: NDArray[np.float64]
     """Force [N], positive when pushed."""
     variance: NDArray[np.float64]
-    """Variance of each force without the common part [N2]."""
-    common_variance: float = 0.0
-    """Variance common to all taxels [N2]."""
+    """Variance of each force that it does not share with others [N2]."""
     saturated: NDArray[np.bool_] | None = None
     """Taxels whose force is a lower bound."""
     unlisted: int = 0
@@ -120,7 +118,7 @@ class ForceEstimate:
             Variance of the sum [N2].
         """
         taxels = footprint.members[counted]
-        variance = float(sum_in_order(self.variance[taxels])) + len(taxels) ** 2 * self.common_variance
+        variance = float(sum_in_order(self.variance[taxels]))
         if self.correlated_error is not None:
             variance += float(np.square(self.correlated_error[taxels].sum(axis=0)).sum())
         return variance
@@ -202,7 +200,6 @@ class ContactFinder:
         self,
         force: NDArray[np.float64],
         variance: NDArray[np.float64],
-        common_variance: float,
         usable: NDArray[np.bool_] | None = None,
     ) -> None:
         """Set the thresholds according to the uncertainty of the forces.
@@ -212,13 +209,11 @@ class ContactFinder:
         force : ndarray of float64, shape [rows * cols]
             Forces [N].
         variance : ndarray of float64, shape [rows * cols]
-            Variance of each force without the common part [N2].
-        common_variance : float
-            Variance common to all taxels [N2].
+            Variance of each force that it does not share with others [N2].
         usable : ndarray of bool, shape [rows * cols], optional
             Taxels that may be in a contact; None: all.
         """
-        deviation = np.sqrt(variance + common_variance)
+        deviation = np.sqrt(variance)
         np.fmax(force, RECENT_DECAY * self._recent, out=self._recent)
         residual = RESIDUAL_HYSTERESIS * self._recent
         np.maximum(np.maximum(self._threshold, residual), ENTER_DEVIATIONS * deviation, out=self._enter)

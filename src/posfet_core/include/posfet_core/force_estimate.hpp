@@ -20,8 +20,7 @@ namespace posfet {
 class ForceEstimate {
 public:
   const double* force = nullptr;     ///< [N], positive when pushed.
-  const double* variance = nullptr;  ///< Variance of each force without the common part [N2].
-  double common_variance = 0.0;      ///< Variance common to all taxels [N2].
+  const double* variance = nullptr;  ///< Variance of each force that it does not share with others [N2].
   const bool* saturated = nullptr;   ///< Taxels whose force is a lower bound; null: none.
   const bool* unlisted = nullptr;    ///< Taxels that count toward force and moments, but are in no list; null: none.
   /// Those among them whose force is interpolated from their neighbours, and that are no region by themselves.

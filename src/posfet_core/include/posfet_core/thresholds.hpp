@@ -51,9 +51,9 @@ public:
   /// Use other thresholds from the next `update` on.
   void set(ContactThresholds contact) { contact_ = contact; }
 
-  /// Set the thresholds according to the uncertainty of the forces: `force` [N], `variance` of each without the common
-  /// part [N2], `common_variance` [N2]. Taxels that are not `usable` may be in no contact; null: all are usable.
-  void update(const double* force, const double* variance, double common_variance, const bool* usable);
+  /// Set the thresholds according to the uncertainty of the forces: `force` [N], `variance` of each [N2]. Taxels that
+  /// are not `usable` may be in no contact; null: all are usable.
+  void update(const double* force, const double* variance, const bool* usable);
 
   /// Apply the thresholds to the forces of a scan [N]; return whether the set of taxels in contact changed.
   bool apply(const double* force);

@@ -40,9 +40,7 @@ class ForceEstimate(scan_path.ForceEstimate):
     force : ndarray of float64, shape [rows * cols]
         Force [N], positive when pushed; kept by reference.
     variance : ndarray of float64, shape [rows * cols]
-        Variance of each force without the common part [N2]; kept by reference.
-    common_variance : float, optional
-        Variance common to all taxels [N2].
+        Variance of each force that it does not share with others [N2]; kept by reference.
     saturated : ndarray of bool, shape [rows * cols], optional
         Taxels whose force is a lower bound.
     unlisted : ndarray of bool, shape [rows * cols], optional
@@ -57,13 +55,12 @@ class ForceEstimate(scan_path.ForceEstimate):
         self,
         force: Array,
         variance: Array,
-        common_variance: float = 0.0,
         saturated: Mask | None = None,
         unlisted: Mask | None = None,
         interpolated: Mask | None = None,
         correlated_error: Array | None = None,
     ) -> None:
-        super().__init__(force, variance, common_variance, saturated, unlisted, interpolated, correlated_error)
+        super().__init__(force, variance, saturated, unlisted, interpolated, correlated_error)
 
 
 class ContactFinder(scan_path.ContactFinder):

@@ -560,7 +560,7 @@ class Reconstructor:
         usable = (
             None if estimator.valid and not self._faults.any_faulty else estimator.offset_known | self._interpolated
         )
-        self._finder.update_thresholds(estimator.force, self._variance, 0.0, usable)
+        self._finder.update_thresholds(estimator.force, self._variance, usable)
 
 
 def _interpolation_variance(force: NDArray[np.float64]) -> NDArray[np.float64]:
