@@ -22,6 +22,8 @@ import numpy as np
 import pytest
 
 import posfet_model
+from posfet_model.reconstruction.force_image import ForceImage
+from posfet_model.reconstruction.reconstructor import Reconstruction
 
 PRESSED_FROM, SCANS = 600, 900
 FORCE = 1.5
@@ -168,15 +170,26 @@ def test_a_snapshot_is_unchanged_when_the_next_scans_overwrite_the_result() -> N
     for scan in press(sensor):
         result = reconstructor.process(scan)
         if scan.sequence == PRESSED_FROM + 50:
-            results = scan, result, reconstructor.image(), reconstructor.counts
+            results = scan, result, reconstructor.image()
             assert result.contacts
             assert result.motions
             kept = [(original.snapshot(), values(original)) for original in results]
     reconstructor.image()
-    assert [type(snapshot) for snapshot, _ in kept] == [type(original) for original in results]
+    assert [type(snapshot) for snapshot, _ in kept] == [posfet_model.Scan, Reconstruction, ForceImage]
+    assert all(isinstance(original, type(snapshot)) for (snapshot, _), original in zip(kept, results, strict=True))
     for (snapshot, expected), original in zip(kept, results, strict=True):
         assert same(values(snapshot), expected), f"the copy of {type(original).__name__} has changed"
         assert not same(values(original), expected), f"{type(original).__name__} has not been overwritten"
+
+
+def test_counts_are_those_of_their_time() -> None:
+    sensor = posfet_model.load_sensor()
+    reconstructor = posfet_model.Reconstructor(sensor)
+    kept = []
+    for scan in press(sensor):
+        reconstructor.process(scan)
+        kept.append(reconstructor.counts)
+    assert [counts.accepted for counts in kept] == list(range(1, SCANS + 1))
 
 
 @pytest.mark.parametrize("index", range(3), ids=["scan", "reconstruction", "image"])

@@ -9,14 +9,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
 from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
-from posfet_model.reconstruction import bursts
+from posfet_model.reconstruction.bursts import LEAST_JUMP, NOISE_FREE
 from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
+from reference.skin_response import SkinResponse
 
 MOST_IN_A_ROW: Final = 3
 """Number of consecutive scans that are refused at most."""
@@ -24,9 +27,22 @@ MOST_IN_A_ROW: Final = 3
 PERSISTING: Final = 0.5
 """Share of a jump that is left in the next scan unless it was a burst [1]."""
 
+USUAL_CHANGES: Final = 8.0
+"""A jump is more than this many median differences of changes [1]: strong hum and vibration change in every scan."""
 
-class BurstDetector(bursts.BurstDetector):
-    """Finds the scans with a burst, scan by scan; what no touch can have caused is decided as in the product.
+CERTAINTY: Final = 1.0
+"""Standard deviations by which the neighbours of a jump must miss their part [1]: low, since a touch that is refused in
+error is seen in the next scan."""
+
+FEWEST_TAXELS: Final = 9
+"""Number of taxels from which a jump of all of them is no touch: a fingertip covers fewer."""
+
+EVENLY: Final = 0.3
+"""Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less."""
+
+
+class BurstDetector:
+    """Finds the scans with a burst, scan by scan.
 
     State variables: charges in the last scan without a burst, and their change in it; the jump that was refused last;
     the taxels that jumped in the last scan; the number of consecutive refused scans; the sequence of the last scan.
@@ -38,8 +54,12 @@ class BurstDetector(bursts.BurstDetector):
     """
 
     def __init__(self, sensor: Sensor) -> None:
-        super().__init__(sensor)
-        taxels = sensor.layout.taxels
+        taxels, self._scale = sensor.layout.taxels, charge_per_newton(sensor)
+        noise = math.sqrt(6.0) * force_noise_rms(sensor)  # of a second difference
+        self._variance = np.full(taxels, (noise * self._scale) ** 2)
+        self._least = max(LEAST_JUMP * sensor.contact.threshold, NOISE_FREE * noise) * self._scale
+        self._skin = SkinResponse(sensor)
+        self._sequence = -2
         self._limit = np.full(taxels, self._least)
         self._last, self._change, self._before, self._jump, self._size, self._refused = np.zeros((6, taxels))
         self._moved = np.zeros(taxels, np.bool_)
@@ -47,7 +67,7 @@ class BurstDetector(bursts.BurstDetector):
 
     def set_usual_change(self, change: Array) -> None:
         """Set the median difference of two changes of each taxel [N], shape [rows * cols]; initially none."""
-        np.maximum(self._least, bursts.USUAL_CHANGES * self._scale * change, out=self._limit)
+        np.maximum(self._least, USUAL_CHANGES * self._scale * change, out=self._limit)
 
     def is_burst(self, charge: Array, sequence: int, faulty: Mask) -> bool:
         """Return whether a scan has a burst, and keep its charges if not.
@@ -87,3 +107,13 @@ class BurstDetector(bursts.BurstDetector):
             return False
         left = self._jump * self._refused >= PERSISTING * self._refused * self._refused
         return self._in_a_row >= MOST_IN_A_ROW or bool(left.all())
+
+    def _is_no_touch(self, jump: Array, fresh: Mask, sound: Mask) -> bool:
+        """Return whether no touch can have caused the jump of the `fresh` taxels."""
+        contradicted, _ = self._skin.contradicts(jump, self._variance, sound, CERTAINTY, one_sided=True)
+        if any_true(contradicted & fresh):
+            return True
+        if np.count_nonzero(sound) < FEWEST_TAXELS or any_true(sound & ~fresh):
+            return False
+        least, greatest = float(jump[sound].min()), float(jump[sound].max())
+        return min(least / greatest, greatest / least) >= EVENLY

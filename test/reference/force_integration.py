@@ -9,8 +9,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+
+from reference.thermometers import Thermometers
 
 Array = NDArray[np.float64]
 
@@ -37,15 +41,44 @@ class ForceIntegration:
         Force per temperature of the film [N/K].
     long_step : float
         Step from which on the time of a jump within it is unknown [s].
+    greatest_loss : float
+        Deviation of what leaked in one step, summed over the taxels, with which forces are not valid [N].
+    noticeable : float
+        Force of a taxel from which a scan is tested for a uniform change [N].
+    fastest : float
+        Greatest rate of the film's temperature [K/s].
+    negligible : float
+        Uniform change of the film's temperature with which forces are still valid [K].
+    causes : int
+        Number of causes of errors that the forces have in common.
     """
 
-    def __init__(self, time_constant: Array, newton_per_charge: Array, newton_per_kelvin: Array, long_step: float):
+    def __init__(
+        self,
+        time_constant: Array,
+        newton_per_charge: Array,
+        newton_per_kelvin: Array,
+        long_step: float,
+        greatest_loss: float = math.inf,
+        noticeable: float = math.inf,
+        fastest: float = 0.0,
+        negligible: float = 0.0,
+        causes: int = 1,
+    ):
         self._tau, self._per_charge = time_constant, newton_per_charge
         self._per_kelvin, self._long_step = newton_per_kelvin, long_step
         taxels = len(time_constant)
         self._charge, self.raw, self.change, self.correction, self.rate = np.zeros((5, taxels))
         self.force, self.sum, self.raw_sum, self.jumped, self.lost = np.zeros((5, taxels))
+        self._limits = greatest_loss, noticeable, fastest, negligible
+        self.clipped, self.correlated_error = np.zeros(taxels), np.zeros((taxels, causes))
+        self.offset_known, self.ignored = np.zeros((2, taxels), np.bool_)
+        self.started = self.valid = False
+        self.age = 0.0
+        self.reading = self.sensors = math.nan
+        self.thermometers = Thermometers()
         self.watch_none()
+        self.start_block()
 
     @property
     def signal(self) -> Array:
@@ -55,6 +88,39 @@ class ForceIntegration:
     def start(self, charge: Array) -> None:
         """Set the charge densities of a first scan [C/m2]."""
         self._charge = charge.copy()
+
+    def process(self, charge: Array, temperatures: NDArray[np.float32], step: float) -> bool:
+        """Process a scan and the temperatures [degC] in it; return whether it has a predecessor."""
+        reading = self.thermometers.read(temperatures, step if self.started else math.inf)
+        if not math.isnan(reading):
+            self.reading = self.sensors = reading
+        if not self.started:
+            return False
+        lost = self.advance(charge, step)
+        self.scans += 1
+        self.elapsed += step
+        self.age += step
+        self.square += step * step
+        if lost > 0.0:
+            self.correlated_error[:, -1] = self.lost
+            self.valid = self.valid and lost < self._limits[0]
+        return True
+
+    def compensate_common_mode(self, touched: bool) -> None:
+        """Keep a uniform change out of the forces of a scan."""
+        _, noticeable, fastest, negligible = self._limits
+        self.follow_untouched()
+        if touched or not self._may_remove:
+            return
+        per_kelvin = abs(float(self._per_kelvin.mean()))
+        removed = self.remove_uniform(self.ignored, noticeable, fastest * self.elapsed * per_kelvin - self.compensated)
+        if removed > 0.0:
+            self.compensated += removed
+            self.valid = self.valid and self.compensated <= negligible * per_kelvin
+
+    def clip(self, saturated: NDArray[np.bool_], step: float) -> None:
+        """Note what leaked unseen of the saturated taxels in a step."""
+        self.clipped[saturated] += np.abs(self.signal[saturated]) * (step / self._tau[saturated])
 
     def advance(self, charge: Array, step: float) -> float:
         """Process a scan, `step` seconds after the one before; return the deviation of what leaked in a long step."""
@@ -74,8 +140,10 @@ class ForceIntegration:
         self.lost = np.sqrt(self.lost**2 + lost**2)
         return float(lost.sum())
 
-    def start_block(self) -> None:
-        """Clear the sums of the block."""
+    def start_block(self, may_remove: bool = False) -> None:
+        """Clear the sums of the block; a uniform change may be removed in it."""
+        self._may_remove = may_remove
+        self.scans = self.elapsed = self.square = self.compensated = 0.0
         self.sum, self.raw_sum, self.jumped = np.zeros((3, len(self._tau)))
 
     def watch(self, untouched: NDArray[np.intp], small: Array, share: float) -> None:

@@ -18,6 +18,10 @@ namespace posfet {
 
 namespace {
 
+/// A force counts as greater than another where it is by this much [1]: interpolation from two equal forces gives
+/// theirs to the rounding.
+constexpr double kGreater = 1.0 + 1e-9;
+
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// Greatest force of some taxels, at least one [N]; NaN when one is unknown.
@@ -205,7 +209,7 @@ Region ContactFinder::measure_part(const Patch& patch, const std::vector<double>
   region.force = std::isnan(highest) ? kUnknown : moments.force;
   region.force_variance = bounded || std::isnan(region.force) ? kUnknown : patch.variance;
   region.area = shape.area;
-  region.peak_pressure = bounded || highest > peak ? kUnknown : peak / grid_.layout().taxel_area;
+  region.peak_pressure = bounded || highest > kGreater * peak ? kUnknown : peak / grid_.layout().taxel_area;
   region.axes = moments.axes;
   region.separated = separated;
   region.taxels = std::move(shape.taxels);

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
@@ -90,22 +91,77 @@ LeakageCoefficients& LeakageInverse::unused() {
 }
 
 ForceIntegration::ForceIntegration(std::vector<double> time_constant, std::vector<double> newton_per_charge,
-                                   std::vector<double> newton_per_kelvin, double long_step)
+                                   std::vector<double> newton_per_kelvin, const IntegrationLimits& limits,
+                                   std::size_t causes)
     : inverse_(std::move(time_constant), std::move(newton_per_charge)),
       newton_per_kelvin_(std::move(newton_per_kelvin)),
-      long_step_(long_step) {
+      limits_(limits),
+      causes_(causes) {
+  if (causes == 0) {
+    throw std::invalid_argument("causes must be at least 1");
+  }
   if (newton_per_kelvin_.size() != taxels()) {
     throw std::invalid_argument("newton_per_kelvin must have one value for each time constant");
   }
   mean_newton_per_kelvin_ = std::accumulate(newton_per_kelvin_.begin(), newton_per_kelvin_.end(), 0.0) /
                             static_cast<double>(newton_per_kelvin_.size());
   State& s = state_;
-  for (auto* values : {&s.raw, &s.change, &s.correction, &s.rate, &s.force, &s.sum, &s.raw_sum, &s.jumped, &s.lost}) {
+  for (auto* values :
+       {&s.raw, &s.change, &s.correction, &s.rate, &s.force, &s.sum, &s.raw_sum, &s.jumped, &s.lost, &s.clipped}) {
     values->assign(taxels(), 0.0);
   }
+  s.correlated_error.assign(taxels() * causes, 0.0);
+  s.offset_known = TaxelFlags(taxels());
+  s.ignored = TaxelFlags(taxels());
   untouched_.reserve(taxels());
   small_.reserve(taxels());
   work_.reserve(taxels());
+}
+
+bool ForceIntegration::process(const double* charge, const float* temperatures, std::size_t sensors, double step) {
+  constexpr double kUnknownTime = std::numeric_limits<double>::infinity();
+  const double reading = thermometers_.read(temperatures, sensors, block_.started ? step : kUnknownTime);
+  if (!std::isnan(reading)) {
+    block_.reading = block_.sensors = reading;
+  }
+  if (!block_.started) {
+    return false;
+  }
+  const double lost = advance(charge, step);
+  block_.scans += 1.0;
+  block_.elapsed += step;
+  block_.age += step;
+  block_.square += step * step;
+  if (lost > 0.0) {
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      state_.correlated_error[taxel * causes_ + causes_ - 1] = state_.lost[taxel];
+    }
+    block_.valid = block_.valid && lost < limits_.greatest_loss;
+  }
+  return true;
+}
+
+void ForceIntegration::compensate_common_mode(bool touched) {
+  follow_untouched();
+  if (touched || !block_.may_remove) {
+    return;
+  }
+  const double per_kelvin = std::abs(mean_newton_per_kelvin_);
+  const double most = limits_.fastest * block_.elapsed * per_kelvin - block_.compensated;
+  const double removed = remove_uniform(state_.ignored.data(), limits_.noticeable, most);
+  if (removed > 0.0) {
+    block_.compensated += removed;
+    block_.valid = block_.valid && block_.compensated <= limits_.negligible * per_kelvin;
+  }
+}
+
+void ForceIntegration::clip(const bool* saturated, double step) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (saturated[taxel]) {
+      const double signal = inverse_.charge()[taxel] * inverse_.newton_per_charge()[taxel];
+      state_.clipped[taxel] += std::abs(signal) * (step / inverse_.time_constant()[taxel]);
+    }
+  }
 }
 
 double ForceIntegration::advance(const double* charge, double step) {
@@ -118,7 +174,7 @@ double ForceIntegration::advance(const double* charge, double step) {
     s.force[taxel] = s.raw[taxel] - s.correction[taxel];
     s.sum[taxel] += s.force[taxel];
   }
-  if (step <= long_step_) {
+  if (step <= limits_.long_step) {
     return 0.0;
   }
   // The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed, and the
@@ -133,10 +189,12 @@ double ForceIntegration::advance(const double* charge, double step) {
   return total;
 }
 
-void ForceIntegration::start_block() {
+void ForceIntegration::start_block(bool may_remove) {
   for (auto* values : {&state_.sum, &state_.raw_sum, &state_.jumped}) {
     std::fill(values->begin(), values->end(), 0.0);
   }
+  block_.scans = block_.elapsed = block_.square = block_.compensated = 0.0;
+  block_.may_remove = may_remove;
 }
 
 void ForceIntegration::watch(const Taxels& untouched, const double* small, double share) {

@@ -10,10 +10,15 @@
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
+#include <cmath>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
+#include "posfet_core/flags.hpp"
 #include "posfet_core/grid.hpp"
 
 namespace posfet {
@@ -25,6 +30,12 @@ using Values = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 /// Values that are kept by reference: no copy.
 using KeptValues = py::array_t<double, py::array::c_style>;
+
+/// Flags of all taxels.
+using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
+
+/// Indices of taxels.
+using Indices = py::array_t<Taxel, py::array::c_style | py::array::forcecast>;
 
 /// Flags, or none.
 using Flags = std::optional<py::array_t<bool, py::array::c_style | py::array::forcecast>>;
@@ -62,6 +73,28 @@ inline py::array view_of(const std::vector<double>& values, const py::object& ow
   py::array view(py::dtype::of<double>(), {static_cast<py::ssize_t>(values.size())}, {}, values.data(), owner);
   view.attr("setflags")(py::arg("write") = false);
   return view;
+}
+
+/// A writable view of the elements of an object.
+template <typename Element>
+py::array view_of(Element* elements, std::vector<py::ssize_t> shape, const py::object& owner) {
+  return py::array(py::dtype::of<Element>(), std::move(shape), {}, elements, owner);
+}
+
+inline py::array view_of(TaxelFlags& flags, const py::object& owner) {
+  return view_of(flags.data(), {static_cast<py::ssize_t>(flags.size())}, owner);
+}
+
+/// The values of an array as a vector.
+inline std::vector<double> vector_of(const Values& values) { return {values.data(), values.data() + values.size()}; }
+
+/// Throws ValueError where a value is not a positive number.
+inline double positive(double value, const char* name) {
+  const bool fits = value > 0.0 && std::isfinite(value);
+  if (!fits) {
+    throw std::invalid_argument(std::string(name) + " must be positive");
+  }
+  return value;
 }
 
 /// A mask as a new array.

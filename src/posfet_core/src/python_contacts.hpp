@@ -73,6 +73,14 @@ inline py::object to_python(const Motion& motion) {
   return named_tuple(PythonTypes::get().motion, motion.power, motion.slipping, motion.still);
 }
 
+inline py::dict to_python(const Motions& motions) {
+  py::dict found;
+  for (const auto& [id, motion] : motions) {
+    found[py::int_(id)] = to_python(motion);
+  }
+  return found;
+}
+
 /// A tuple with each object of a vector.
 template <typename Value>
 py::tuple tuple_of(const std::vector<Value>& values) {
@@ -113,6 +121,32 @@ inline Region region_from(const py::handle& object) {
   region.axes = {point_from(fields[8]), point_from(fields[9])};
   region.separated = py::cast<bool>(fields[10]);
   return region;
+}
+
+inline Merged merged_from(const py::handle& object) {
+  const auto fields = py::cast<py::tuple>(object);
+  return {py::cast<TrackId>(fields[0]), py::cast<double>(fields[1]), point_from(fields[2]),
+          py::cast<TrackId>(fields[3])};
+}
+
+inline Contact contact_from(const py::handle& object) {
+  const auto fields = py::cast<py::tuple>(object);
+  Contact contact;
+  contact.id = py::cast<TrackId>(fields[0]);
+  contact.state = static_cast<ContactState>(py::cast<int>(fields[1]));
+  contact.region = region_from(fields[2]);
+  contact.velocity = point_from(fields[3]);
+  contact.age = py::cast<double>(fields[4]);
+  for (const py::handle& past : py::cast<py::tuple>(fields[5])) {
+    contact.merged.push_back(merged_from(past));
+  }
+  contact.split_from = py::cast<TrackId>(fields[6]);
+  return contact;
+}
+
+inline Motion motion_from(const py::handle& object) {
+  const auto fields = py::cast<py::tuple>(object);
+  return {py::cast<double>(fields[0]), py::cast<bool>(fields[1]), py::cast<double>(fields[2])};
 }
 
 inline std::vector<Region> regions_from(const py::sequence& objects) {

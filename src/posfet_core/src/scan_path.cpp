@@ -5,393 +5,241 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// The Python module posfet_core.scan_path: what is computed for every scan.
+#include "posfet_core/scan_path.hpp"
 
-#include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
 
-#include <cmath>
-#include <memory>
-#include <optional>
-
-#include "posfet_core/assignment.hpp"
-#include "posfet_core/detection.hpp"
-#include "posfet_core/force_estimate.hpp"
-#include "posfet_core/force_integration.hpp"
-#include "posfet_core/jumps.hpp"
 #include "posfet_core/neighbour_estimate.hpp"
-#include "posfet_core/slip.hpp"
-#include "posfet_core/tracker.hpp"
-#include "python_arrays.hpp"
-#include "python_contacts.hpp"
 
 namespace posfet {
 
 namespace {
 
-/// A force estimate with the arrays that it refers to.
-class PythonForceEstimate {
-public:
-  PythonForceEstimate(KeptValues force, KeptValues variance, Flags saturated, Flags unlisted, Flags interpolated,
-                      std::optional<Values> correlated_error)
-      : force_(std::move(force)),
-        variance_(std::move(variance)),
-        saturated_(std::move(saturated)),
-        unlisted_(std::move(unlisted)),
-        interpolated_(std::move(interpolated)),
-        correlated_error_(std::move(correlated_error)) {
-    const Taxel count = force_.size();
-    estimate_.force = values_of(force_, count, "force");
-    estimate_.variance = values_of(variance_, count, "variance");
-    estimate_.saturated = flags_of(saturated_, count, "saturated");
-    estimate_.unlisted = flags_of(unlisted_, count, "unlisted");
-    estimate_.interpolated = flags_of(interpolated_, count, "interpolated");
-    if (correlated_error_) {
-      estimate_.correlated_error = values_of(*correlated_error_, count, "correlated_error");
-      estimate_.causes = static_cast<std::size_t>(correlated_error_->size() / count);
-    }
-  }
+std::size_t size_of(const Grid& grid) { return static_cast<std::size_t>(grid.taxels()); }
 
-  /// The estimate; throws ValueError where its array has not as many taxels.
-  const ForceEstimate& of(Taxel taxels) const {
-    require_taxels(force_, taxels, "force");
-    return estimate_;
-  }
-
-private:
-  KeptValues force_;
-  KeptValues variance_;
-  Flags saturated_;
-  Flags unlisted_;
-  Flags interpolated_;
-  std::optional<Values> correlated_error_;
-  ForceEstimate estimate_;
-};
-
-/// Flags of all taxels.
-using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
-
-/// Indices of taxels.
-using Indices = py::array_t<Taxel, py::array::c_style | py::array::forcecast>;
-
-double positive(double value, const char* name) {
-  const bool fits = value > 0.0 && std::isfinite(value);
-  if (!fits) {
-    throw std::invalid_argument(std::string(name) + " must be positive");
-  }
-  return value;
-}
-
-py::tuple measure(ContactFinder& finder, const PythonForceEstimate& taxels, const py::sequence& before) {
-  const std::vector<Region> regions = regions_from(before);
-  KnownRegions known;
-  for (const Region& region : regions) {
-    known.push_back(&region);
-  }
-  return tuple_of(finder.measure(taxels.of(finder.grid().taxels()), known));
-}
-
-py::list regions(const ContactFinder& finder) {
-  py::list found;
-  for (const Footprint& footprint : finder.regions()) {
-    found.append(array_of(footprint.region));
-  }
-  return found;
-}
-
-py::list patches(const ContactFinder& finder) {
-  py::list found;
-  for (const Taxels& members : finder.patches()) {
-    found.append(array_of(members));
-  }
-  return found;
-}
-
-void bind_detection(const py::module_& module) {
-  py::class_<Layout>(module, "Layout", "Size of an array.")
-      .def(py::init([](Taxel rows, Taxel cols, double pitch_x, double pitch_y, double taxel_area) {
-             return Layout{rows, cols, pitch_x, pitch_y, taxel_area};
-           }),
-           py::arg("rows"), py::arg("cols"), py::arg("pitch_x"), py::arg("pitch_y"), py::arg("taxel_area"));
-
-  py::class_<PythonForceEstimate>(module, "ForceEstimate", "Forces of all taxels with their uncertainty.")
-      .def(py::init<KeptValues, KeptValues, Flags, Flags, Flags, std::optional<Values>>(), py::arg("force").noconvert(),
-           py::arg("variance").noconvert(), py::arg("saturated") = py::none(), py::arg("unlisted") = py::none(),
-           py::arg("interpolated") = py::none(), py::arg("correlated_error") = py::none());
-
-  py::class_<ContactFinder>(module, "ContactFinder", "Detects contacts scan by scan, with hysteresis.")
-      .def(py::init([](const Layout& layout, double spread, double enter, double release) {
-             return std::make_unique<ContactFinder>(layout, spread, ContactThresholds{enter, release});
-           }),
-           py::arg("layout"), py::arg("spread"), py::arg("enter"), py::arg("release"))
-      .def(
-          "change_thresholds",
-          [](ContactFinder& finder, double enter, double release) { finder.thresholds().set({enter, release}); },
-          py::arg("enter"), py::arg("release"), "Use other thresholds [N] from the next `update_thresholds` on.")
-      .def(
-          "update_thresholds",
-          [](ContactFinder& finder, const Values& force, const Values& variance, const Flags& usable) {
-            const Taxel taxels = finder.grid().taxels();
-            finder.thresholds().update(values_of(force, taxels, "force"), values_of(variance, taxels, "variance"),
-                                       flags_of(usable, taxels, "usable"));
-          },
-          py::arg("force"), py::arg("variance"), py::arg("usable") = py::none(),
-          "Set the thresholds according to the uncertainty of the forces.")
-      .def(
-          "find",
-          [](ContactFinder& finder, const Values& force) {
-            return finder.find(values_of(force, finder.grid().taxels(), "force"));
-          },
-          py::arg("force"), "Find the regions in contact in the forces of a scan [N]; return their number.")
-      .def("measure", &measure, py::arg("taxels"), py::arg("before") = py::tuple(),
-           "Measure the regions that `find` found, and separate contacts that share one.")
-      .def(
-          "dilated",
-          [](const ContactFinder& finder, const py::array_t<bool, py::array::c_style | py::array::forcecast>& taxels,
-             Taxel distance) {
-            return array_of(dilated(finder.grid(), mask_of(taxels, finder.grid().taxels(), "taxels"), distance));
-          },
-          py::arg("taxels"), py::arg("distance"), "Return a mask dilated by a distance in taxels.")
-      .def_property_readonly(
-          "touched", [](const ContactFinder& finder) { return array_of(finder.thresholds().touched_since_update()); },
-          "Taxels in contact in any scan since the last `update_thresholds`, or being released.")
-      .def_property_readonly("regions", &regions, "Taxels of each region that `find` found last.")
-      .def_property_readonly("patches", &patches,
-                             "Members of each region that was measured last, the ring around it included.");
-}
-
-void bind_tracking(py::module_& module) {
-  py::class_<ContactTracker>(module, "ContactTracker", "Follows contacts from scan to scan.")
-      .def(py::init([](double gate, double smoothing, double start_speed, double stop_speed, double pitch,
-                       double threshold, double noise, TrackId first_id) {
-             return std::make_unique<ContactTracker>(
-                 TrackerSettings{gate, smoothing, start_speed, stop_speed, pitch, threshold, noise}, first_id);
-           }),
-           py::kw_only(), py::arg("gate"), py::arg("smoothing"), py::arg("start_speed"), py::arg("stop_speed"),
-           py::arg("pitch"), py::arg("threshold"), py::arg("noise"), py::arg("first_id"))
-      .def_property_readonly("idle", &ContactTracker::idle,
-                             "Whether there is no contact that could continue or be released.")
-      .def(
-          "update",
-          [](ContactTracker& tracker, const py::sequence& regions, double step) {
-            return tuple_of(tracker.update(regions_from(regions), positive(step, "step")));
-          },
-          py::arg("regions"), py::arg("step"), "Associate the regions of a scan with the contacts of the scan before.")
-      .def(
-          "follow",
-          [](ContactTracker& tracker, ContactFinder& finder, const PythonForceEstimate& taxels, double step) {
-            return tuple_of(tracker.follow(finder, taxels.of(finder.grid().taxels()), positive(step, "step")));
-          },
-          py::arg("finder"), py::arg("taxels"), py::arg("step"),
-          "Measure the regions that a finder found in a scan, and update the contacts with them.");
-  module.def("minimum_cost_assignment", &minimum_cost_assignment, py::arg("costs"), py::arg("unassigned_cost"),
-             "Return the pairs of row and column with the least total cost.");
-  module.attr("LAST_ID") = kLastId;
-}
-
-py::dict update_motions(DynamicChannel& channel, const ContactTracker& tracker, const Values& force, double step) {
-  py::dict found;
-  for (const auto& [id, motion] :
-       channel.update(tracker.contacts(), values_of(force, channel.taxels(), "force"), positive(step, "step"))) {
-    found[py::int_(id)] = to_python(motion);
-  }
-  return found;
-}
-
-void bind_slip(const py::module_& module) {
-  py::class_<DynamicChannel>(module, "DynamicChannel", "High-passed force of every taxel.")
-      .def(py::init<const Layout&, double>(), py::arg("layout"), py::arg("noise"))
-      .def("pause", &DynamicChannel::pause, "Stop the filter: the scans from here on are not passed to `advance`.")
-      .def(
-          "advance",
-          [](DynamicChannel& channel, const Values& change, double step) {
-            channel.advance(values_of(change, channel.taxels(), "change"), positive(step, "step"));
-          },
-          py::arg("change"), py::arg("step"), "Filter the force changes of a scan [N] over a step [s].")
-      .def("update_power", &DynamicChannel::update_power, py::arg("step"),
-           "Update the mean square of each taxel's high-passed force over a step [s].")
-      .def("update", &update_motions, py::arg("tracker"), py::arg("force"), py::arg("step"),
-           "Update vibration and slip of each contact that a tracker follows.")
-      .def_property_readonly(
-          "high_passed",
-          [](const py::object& self) { return view_of(self.cast<const DynamicChannel&>().high_passed(), self); },
-          "High-passed force of each taxel [N]; read-only.")
-      .def_property_readonly(
-          "power", [](const py::object& self) { return view_of(self.cast<const DynamicChannel&>().power(), self); },
-          "Mean square of the high-passed force of each taxel [N2]; read-only.");
-  module.attr("CORNER_FREQUENCY") = kCornerFrequency;
-  module.attr("POWER_TIME_CONSTANT") = kPowerTimeConstant;
-  module.attr("SLIP_SPEED") = kSlipSpeed;
-  module.attr("SLIP_END_SPEED") = kSlipEndSpeed;
-}
-
-/// What a function of neighbour_estimate.hpp gives for each of some taxels.
-template <typename Estimate>
-py::array_t<double> estimates(Estimate estimate, const Grid& grid, const Values& force, const Tested& unknown,
-                              const Indices& wanted, double floor) {
-  const double* forces = values_of(force, grid.taxels(), "force");
-  require_taxels(unknown, grid.taxels(), "unknown");
-  py::array_t<double> found(wanted.size());
-  for (py::ssize_t index = 0; index < wanted.size(); ++index) {
-    const Taxel taxel = wanted.data()[index];
-    if (taxel < 0 || taxel >= grid.taxels()) {
-      throw py::index_error("wanted must have indices of taxels");
-    }
-    found.mutable_data()[index] = estimate(grid, forces, unknown.data(), taxel, floor);
-  }
-  return found;
-}
-
-void bind_neighbours(const py::module_& module) {
-  py::class_<Grid>(module, "NeighbourInterpolation", "What the neighbours of a taxel predict for its force.")
-      .def(py::init<const Layout&>(), py::arg("layout"))
-      .def(
-          "interpolate",
-          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
-            return estimates(neighbour_interpolation, grid, force, unknown, wanted, floor);
-          },
-          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
-          "Return the forces [N] of the wanted taxels as their neighbours predict them.")
-      .def(
-          "lower_bound",
-          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
-            return estimates(neighbour_lower_bound, grid, force, unknown, wanted, floor);
-          },
-          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
-          "Return the smallest force [N] that any square of each wanted taxel predicts.")
-      .def(
-          "max_neighbour",
-          [](const Grid& grid, const Values& level) {
-            const double* levels = values_of(level, grid.taxels(), "level");
-            py::array_t<double> found(grid.taxels());
-            for (Taxel taxel = 0; taxel < grid.taxels(); ++taxel) {
-              found.mutable_data()[taxel] = largest_neighbour(grid, levels, taxel);
-            }
-            return found;
-          },
-          py::arg("level"), "Return the largest value among the eight neighbours of each taxel.");
-}
-
-void bind_jumps(const py::module_& module) {
-  py::class_<JumpDetector>(module, "JumpDetector", "Finds jumps of single taxels from scan to scan.")
-      .def(py::init<Taxel, double>(), py::arg("taxels"), py::arg("least"))
-      .def(
-          "set_limits",
-          [](JumpDetector& detector, const Values& limits) {
-            detector.set_limits(values_of(limits, detector.taxels(), "limits"));
-          },
-          py::arg("limits"), "Set the limit of each taxel's jump [C/m2].")
-      .def(
-          "examine",
-          [](JumpDetector& detector, const Values& charge, bool adjacent, const Tested& faulty) {
-            require_taxels(faulty, detector.taxels(), "faulty");
-            return detector.examine(values_of(charge, detector.taxels(), "charge"), adjacent, faulty.data());
-          },
-          py::arg("charge"), py::arg("adjacent"), py::arg("faulty"),
-          "Return whether some taxel jumped that did not in the scan before; the scan is accepted otherwise.")
-      .def("accept", &JumpDetector::accept, "Keep the charges that were examined.")
-      .def("refuse", &JumpDetector::refuse, "Forget the charges that were examined, but not their jump.")
-      .def_property_readonly(
-          "jump", [](const py::object& self) { return view_of(self.cast<const JumpDetector&>().jump(), self); },
-          "Jump of each taxel [C/m2]; read-only.")
-      .def_property_readonly(
-          "jumped", [](const JumpDetector& detector) { return array_of(detector.jumped()); }, "Taxels that jumped.")
-      .def_property_readonly(
-          "fresh", [](const JumpDetector& detector) { return array_of(detector.fresh()); },
-          "Those among them that did not in the scan before.");
-  module.attr("MOST_IN_A_ROW") = kMostInARow;
-}
-
-std::vector<double> vector_of(const Values& values) { return {values.data(), values.data() + values.size()}; }
-
-/// A writable view of one of the values that each taxel holds.
-template <std::vector<double> ForceIntegration::State::* Member>
-py::array state_of(const py::object& self) {
-  auto& values = self.cast<ForceIntegration&>().state().*Member;
-  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data(), self);
-}
-
-py::array_t<double> signal_of(ForceIntegration& integration) {
-  const LeakageInverse& inverse = integration.inverse();
-  py::array_t<double> signal(static_cast<py::ssize_t>(inverse.taxels()));
-  for (std::size_t taxel = 0; taxel < inverse.taxels(); ++taxel) {
-    signal.mutable_data()[taxel] = inverse.charge()[taxel] * inverse.newton_per_charge()[taxel];
-  }
-  return signal;
-}
-
-void bind_integration(const py::module_& module) {
-  using State = ForceIntegration::State;
-  py::class_<ForceIntegration>(module, "ForceIntegration",
-                               "Forces of all taxels, and their sums over a block of scans.")
-      .def(py::init([](const Values& time_constant, const Values& newton_per_charge, const Values& newton_per_kelvin,
-                       double long_step) {
-             return std::make_unique<ForceIntegration>(vector_of(time_constant), vector_of(newton_per_charge),
-                                                       vector_of(newton_per_kelvin), long_step);
-           }),
-           py::arg("time_constant"), py::arg("newton_per_charge"), py::arg("newton_per_kelvin"), py::arg("long_step"))
-      .def(
-          "start",
-          [](ForceIntegration& integration, const Values& charge) {
-            integration.inverse().start(values_of(charge, static_cast<Taxel>(integration.taxels()), "charge"));
-          },
-          py::arg("charge"), "Set the charge densities [C/m2] of a first scan, which has no predecessor.")
-      .def(
-          "advance",
-          [](ForceIntegration& integration, const Values& charge, double step) {
-            return integration.advance(values_of(charge, static_cast<Taxel>(integration.taxels()), "charge"),
-                                       positive(step, "step"));
-          },
-          py::arg("charge"), py::arg("step"),
-          "Process the charge densities of a scan [C/m2]; return the deviation of what leaked in a long step [N].")
-      .def("start_block", &ForceIntegration::start_block, "Start a new block: clear its sums.")
-      .def(
-          "watch",
-          [](ForceIntegration& integration, const Indices& untouched, const Values& small, double share) {
-            if (small.size() != untouched.size()) {
-              throw std::invalid_argument("small must have one value for each untouched taxel");
-            }
-            integration.watch(Taxels(untouched.data(), untouched.data() + untouched.size()), small.data(), share);
-          },
-          py::arg("untouched"), py::arg("small"), py::arg("share"),
-          "Set the untouched taxels that show the film's temperature, their small forces [N], and the film's share.")
-      .def("watch_none", &ForceIntegration::watch_none, "Watch no taxel.")
-      .def("follow_untouched", &ForceIntegration::follow_untouched,
-           "Subtract what the watched taxels show of the film's temperature.")
-      .def(
-          "remove_uniform",
-          [](ForceIntegration& integration, const Tested& ignored, double noticeable, double most) {
-            require_taxels(ignored, static_cast<Taxel>(integration.taxels()), "ignored");
-            return integration.remove_uniform(ignored.data(), noticeable, most);
-          },
-          py::arg("ignored"), py::arg("noticeable"), py::arg("most"),
-          "Subtract a uniform change of the other taxels; return it [N].")
-      .def_property_readonly("signal", &signal_of, "Charges of the last scan as forces, a new array [N].")
-      .def_property_readonly("raw", &state_of<&State::raw>, "Uncorrected force of each taxel [N].")
-      .def_property_readonly("change", &state_of<&State::change>, "Change of each force in the last step [N].")
-      .def_property_readonly("correction", &state_of<&State::correction>, "Correction of each force [N].")
-      .def_property_readonly("rate", &state_of<&State::rate>, "Rate of each correction [N/s].")
-      .def_property_readonly("force", &state_of<&State::force>, "Corrected force of each taxel [N].")
-      .def_property_readonly("sum", &state_of<&State::sum>, "Sum of the forces of the block's scans [N].")
-      .def_property_readonly("raw_sum", &state_of<&State::raw_sum>, "Sum of the uncorrected forces [N].")
-      .def_property_readonly("jumped", &state_of<&State::jumped>, "Variance of what leaked in long steps [N2].")
-      .def_property_readonly("lost", &state_of<&State::lost>, "Deviation of what leaked in lost scans [N].");
-  module.attr("FEWEST_FOR_UNIFORM") = kFewestForUniform;
-  module.attr("LEAST_LOADED") = kLeastLoaded;
+bool fit_together(const ScanParts& parts, std::size_t taxels) {
+  return parts.clock && parts.crosstalk && parts.bursts && parts.hum && parts.integration && parts.history &&
+         parts.finder && parts.tracker && parts.channel && taxels > 0 && parts.clock->taxels() == taxels &&
+         parts.crosstalk->taxels() == taxels && static_cast<std::size_t>(parts.bursts->taxels()) == taxels &&
+         parts.hum->taxels() == taxels && parts.integration->taxels() == taxels && parts.history->taxels() == taxels &&
+         size_of(parts.finder->grid()) == taxels && static_cast<std::size_t>(parts.channel->taxels()) == taxels;
 }
 
 }  // namespace
 
-}  // namespace posfet
-
-PYBIND11_MODULE(scan_path, module) {
-  module.doc() = "What is computed for every scan, compiled.";
-  posfet::bind_detection(module);
-  posfet::bind_tracking(module);
-  posfet::bind_slip(module);
-  posfet::bind_neighbours(module);
-  posfet::bind_jumps(module);
-  posfet::bind_integration(module);
-  module.attr("ENTER_DEVIATIONS") = posfet::kEnterDeviations;
+ScanPath::ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector<double> offset, double informative)
+    : parts_(std::move(parts)),
+      chain_(chain),
+      offset_(std::move(offset)),
+      any_offset_(std::any_of(offset_.begin(), offset_.end(), [](double each) { return each != 0.0; })),
+      informative_(informative),
+      counts_(offset_.size()),
+      charge_(offset_.size()),
+      saturated_(offset_.size()),
+      filled_(offset_.size()),
+      unlisted_(offset_.size()),
+      interpolated_(offset_.size()),
+      unknown_(offset_.size()),
+      variance_(offset_.size()),
+      scan_variance_(offset_.size()) {
+  if (!fit_together(parts_, offset_.size())) {
+    throw std::invalid_argument("all parts must be of one array");
+  }
+  const ForceIntegration::State& state = parts_.integration->state();
+  estimate_.force = state.force.data();
+  estimate_.variance = variance_.data();
+  estimate_.correlated_error = state.correlated_error.data();
+  estimate_.causes = parts_.integration->causes();
+  scan_estimate_ = estimate_;
+  scan_estimate_.variance = scan_variance_.data();
 }
+
+void ScanPath::set_hum(std::shared_ptr<HumFilter> hum) {
+  if (!hum || hum->taxels() != taxels()) {
+    throw std::invalid_argument("hum must be of the same array");
+  }
+  parts_.hum = std::move(hum);
+}
+
+void ScanPath::set_faulty(const bool* unlisted, const bool* interpolated) {
+  any_unlisted_ = unlisted != nullptr;
+  any_interpolated_ = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    unlisted_[taxel] = any_unlisted_ && unlisted[taxel];
+    const bool now = any_unlisted_ && interpolated[taxel];
+    if (now && !interpolated_[taxel]) {
+      filled_[taxel] = 0.0;  // until the next scan
+    }
+    interpolated_[taxel] = now;
+    any_interpolated_ = any_interpolated_ || now;
+  }
+}
+
+void ScanPath::set_variance(const double* variance) {
+  std::copy(variance, variance + taxels(), variance_.begin());
+  estimate_.forget();
+}
+
+bool ScanPath::receive(const Scan& scan) {
+  begun_ = false;
+  fits_ = parts_.clock->fits(scan);
+  if (fits_ && !parts_.clock->is_new(scan)) {
+    result_.accepted = result_.unusable = false;
+    return false;
+  }
+  return true;
+}
+
+bool ScanPath::begin(const Scan& scan) {
+  ScanClock& clock = *parts_.clock;
+  const bool sound = fits_ && scan.taxels == taxels() && clock.is_sound(scan) && is_plausible(scan);
+  const bool* faulty = parts_.integration->state().ignored.data();
+  const bool burst = sound && parts_.bursts->is_burst(charge_.data(), scan.sequence, faulty);
+  clock.counts().bursts += burst ? 1 : 0;
+  result_.accepted = sound && !burst;
+  result_.unusable = blank_ = !result_.accepted;
+  if (result_.unusable) {
+    flag(scan);
+    return true;
+  }
+  clock.admit(scan);
+  result_.stamp = scan.stamp;
+  result_.sequence = scan.sequence;
+  std::copy(scan.counts, scan.counts + taxels(), counts_.begin());
+  if (any_offset_) {
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      charge_[taxel] -= offset_[taxel];
+    }
+  }
+  if (parts_.crosstalk->present()) {
+    parts_.crosstalk->apply(charge_.data());
+  }
+  ForceIntegration& integration = *parts_.integration;
+  HumFilter& hum = *parts_.hum;
+  if (clock.interrupted()) {
+    integration.block().started = integration.block().valid = false;
+    parts_.channel->pause();
+    hum.clear();
+    hum.start_window();
+    estimate_.forget();
+  }
+  if (hum.state().sampling) {
+    hum.remove(charge_.data(), clock.step());
+  }
+  begun_ = true;
+  if (clock.step() > integration.limits().long_step) {
+    estimate_.forget();
+  }
+  return integration.process(charge_.data(), scan.temperatures, scan.sensors, clock.step());
+}
+
+void ScanPath::finish() {
+  if (!begun_) {
+    return;
+  }
+  begun_ = false;
+  const double step = parts_.clock->step();
+  ForceIntegration& integration = *parts_.integration;
+  ContactTracker& tracker = *parts_.tracker;
+  DynamicChannel& channel = *parts_.channel;
+  result_.saturated = saturated_now_;
+  if (saturated_now_ > 0) {
+    integration.clip(saturated_.data(), step);
+  }
+  integration.compensate_common_mode(!tracker.idle());
+  parts_.history->add(counts_.data(), parts_.clock->close());
+  const double* force = integration.state().force.data();
+  const std::size_t regions = any_interpolated_ ? find_with_faulty() : parts_.finder->find(force);
+  if (regions > 0 || vibration_wanted) {
+    channel.advance(integration.state().change.data(), step);
+    if (vibration_wanted) {
+      channel.update_power(step);
+    }
+  } else {
+    channel.pause();
+  }
+  shows_released_ = regions > 0 || !tracker.idle();
+  if (shows_released_) {
+    channel.update(tracker.follow(*parts_.finder, estimate(), step), force, step);
+  }
+  result_.valid = integration.block().valid && !parts_.clock->suspect();
+  result_.reasons = result_.valid ? 0 : reasons();
+}
+
+/// Find saturated taxels; refuse a scan in which most are saturated, unless it persists.
+bool ScanPath::is_plausible(const Scan& scan) {
+  saturated_now_ = chain_.read(scan.counts, taxels(), charge_.data(), saturated_.data());
+  if (2 * saturated_now_ <= taxels()) {
+    implausible_in_a_row_ = 0;
+    return true;
+  }
+  if (implausible_in_a_row_ >= kMostImplausible) {
+    return true;
+  }
+  ++implausible_in_a_row_;
+  ++parts_.clock->counts().implausible;
+  return false;
+}
+
+/// Set the result of an unusable scan: the contacts stay as they were, and nothing is valid.
+void ScanPath::flag(const Scan& scan) {
+  result_.stamp = scan.stamp;
+  result_.sequence = scan.sequence;
+  result_.valid = false;
+  result_.reasons = kScanUnusable;
+  shows_released_ = false;
+}
+
+/// Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours.
+std::size_t ScanPath::find_with_faulty() {
+  const ForceIntegration::State& state = parts_.integration->state();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    filled_[taxel] = interpolated_[taxel] ? 0.0 : state.force[taxel];
+  }
+  const std::size_t regions = parts_.finder->find(filled_.data());
+  if (regions == 0) {
+    return regions;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    unknown_[taxel] = interpolated_[taxel] || !state.offset_known[taxel];
+  }
+  // Those that are interpolated are unknown, and so no value of one depends on another.
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (interpolated_[taxel]) {
+      filled_[taxel] = neighbour_interpolation(parts_.finder->grid(), filled_.data(), unknown_.data(),
+                                               static_cast<Taxel>(taxel), informative_);
+    }
+  }
+  return parts_.finder->find(filled_.data());
+}
+
+/// The forces with their uncertainty at the end of the last block.
+const ForceEstimate& ScanPath::estimate() {
+  if (!any_interpolated_ && saturated_now_ == 0) {
+    estimate_.unlisted = any_unlisted_ ? unlisted_.data() : nullptr;
+    return estimate_;
+  }
+  scan_estimate_.forget();
+  scan_estimate_.force = any_interpolated_ ? filled_.data() : estimate_.force;
+  scan_estimate_.unlisted = any_unlisted_ ? unlisted_.data() : nullptr;
+  scan_estimate_.interpolated = any_interpolated_ ? interpolated_.data() : nullptr;
+  scan_estimate_.saturated = saturated_now_ > 0 ? saturated_.data() : nullptr;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double deviation = kInterpolationUncertainty * filled_[taxel];
+    scan_variance_[taxel] = interpolated_[taxel] ? deviation * deviation : variance_[taxel];
+  }
+  return scan_estimate_;
+}
+
+/// Why the result of an accepted scan is not valid.
+std::uint8_t ScanPath::reasons() const {
+  std::uint8_t found = parts_.clock->suspect() ? kTimeUncertain : 0;
+  if (!parts_.integration->block().valid) {
+    found |= parts_.integration->state().offset_known.all() ? kUncertain : kBaselineUnknown;
+  }
+  return found;
+}
+
+}  // namespace posfet

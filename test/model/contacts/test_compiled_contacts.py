@@ -26,9 +26,9 @@ from posfet_model.contacts.tracker import ContactTracker
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import force_noise_rms
 from reference.contacts import assignment, detection, slip, tracker
+from support.contact_comparison import TOLERANCE, assert_same, assert_same_motions
 
 SENSOR = load_sensor()
-TOLERANCE = {"rtol": 1e-12, "atol": 1e-12}
 BLOCK = 5
 """Scans from one update of the thresholds to the next."""
 
@@ -169,43 +169,6 @@ class Plain:
         return contacts, self.channel.update(contacts, player.force, step)
 
 
-def numbers(region: Any) -> list[float]:
-    """Return all that is a number in a region."""
-    return [
-        *region.centre_of_pressure, *region.geometric_centre, region.force, region.force_variance, region.area,
-        region.peak_pressure * SENSOR.layout.taxel_area,
-    ]  # fmt: skip
-
-
-def second_moments(region: Any) -> NDArray[np.float64]:
-    """Return the variances and the covariance that the principal axes stand for [pitch2].
-
-    The axes themselves are ill-conditioned: of a line, the minor one is the root of a difference that vanishes; of a
-    circle, the direction is arbitrary.
-    """
-    axes = np.array([region.major_axis, region.minor_axis]) / SENSOR.layout.pitch_x
-    moments: NDArray[np.float64] = axes.T @ axes
-    return moments
-
-
-def assert_same(compiled: tuple[Any, ...], plain: tuple[Any, ...]) -> None:
-    assert [(each.id, int(each.state)) for each in compiled] == [(each.id, int(each.state)) for each in plain]
-    for one, other in zip(compiled, plain, strict=True):
-        assert one.region.taxels.tolist() == other.region.taxels.tolist()
-        assert (one.region.separated, one.split_from) == (other.region.separated, other.split_from)
-        np.testing.assert_allclose(numbers(one.region), numbers(other.region), **TOLERANCE)
-        np.testing.assert_allclose(second_moments(one.region), second_moments(other.region), **TOLERANCE)
-        np.testing.assert_allclose([*one.velocity, one.age], [*other.velocity, other.age], **TOLERANCE)
-        assert [(past.id, past.split_from) for past in one.merged] == [
-            (past.id, past.split_from) for past in other.merged
-        ]
-        np.testing.assert_allclose(
-            [[past.age, *past.offset] for past in one.merged],
-            [[past.age, *past.offset] for past in other.merged],
-            **TOLERANCE,
-        )
-
-
 def play(story: Story) -> None:
     player, compiled, plain = Player(story), Compiled(story.sensor), Plain(story.sensor)
     before = player.force.copy()
@@ -226,12 +189,7 @@ def play(story: Story) -> None:
         contacts, motions = compiled.follow(player, step)
         expected, expected_motions = plain.follow(player, step)
         assert_same(contacts, expected)
-        assert motions.keys() == expected_motions.keys()
-        for number, motion in motions.items():
-            assert motion.slipping == expected_motions[number].slipping
-            for name in ("power", "still"):
-                wanted = getattr(expected_motions[number], name)
-                np.testing.assert_allclose(getattr(motion, name), wanted, **TOLERANCE)
+        assert_same_motions(motions, expected_motions)
         np.testing.assert_allclose(compiled.channel.high_passed, plain.channel.high_passed, **TOLERANCE)
         np.testing.assert_allclose(compiled.channel.power, plain.channel.power, **TOLERANCE)
         np.testing.assert_array_equal(compiled.finder.touched, plain.finder.touched)

@@ -355,7 +355,7 @@ def test_a_saturated_taxel_becomes_less_certain_by_what_may_have_leaked() -> Non
         if round(time * 1000) == 1200:
             before, signal = watch.deviation(), watch.estimator.residual_charge[MIDDLE]
             for _ in range(100):
-                watch.estimator.inflate_variance(one, 1e-3)
+                watch.estimator.integration.clip(one, 1e-3)
         if round(time * 1000) == 1200 + 2 * round(BLOCK * 1000):
             after = watch.deviation()
     lost = 0.1 * signal / SENSOR.device.leak_time_constant

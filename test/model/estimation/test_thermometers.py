@@ -14,7 +14,7 @@ import math
 import numpy as np
 import pytest
 
-from posfet_model.estimation.thermometers import Thermometers
+from posfet_model.estimation.thermometers import FASTEST_WARMING, Thermometers
 
 NAN = math.nan
 
@@ -97,7 +97,7 @@ def test_a_sensor_that_jumps_faster_than_a_chip_can_warm_counts_from_then_on() -
     thermometers = Thermometers()
     read(thermometers, 25.0, 31.0)
     read(thermometers, 25.5, 31.5)
-    jumped = 25.5 + 2.0 * Thermometers.FASTEST
+    jumped = 25.5 + 2.0 * FASTEST_WARMING
     assert read(thermometers, jumped, 31.5) == pytest.approx(0.5, abs=1e-6)
     assert read(thermometers, jumped + 0.25, 31.75) == pytest.approx(0.75, abs=1e-6)
 
@@ -105,6 +105,6 @@ def test_a_sensor_that_jumps_faster_than_a_chip_can_warm_counts_from_then_on() -
 def test_after_an_interruption_any_change_is_possible() -> None:
     thermometers = Thermometers()
     read(thermometers, 25.0, 31.0)
-    change = 10.0 * Thermometers.FASTEST
+    change = 10.0 * FASTEST_WARMING
     later = np.array([25.0 + change, 31.0 + change], np.float32)
     assert thermometers.read(later, math.inf) == pytest.approx(change)

@@ -96,7 +96,7 @@ def test_hum_removal_is_switched_while_the_forces_go_on() -> None:
     assert live(results[at]) == live(results[at - 1]) != []
     assert all(result.valid for result in results[at:])
     model.change(SETTINGS)
-    assert model._hum._rows
+    assert model._hum.searches
 
 
 def test_fault_detection_is_switched() -> None:
@@ -128,5 +128,5 @@ def test_other_priors_are_refused_and_nothing_changes() -> None:
     _, expected, _ = run(lambda _: None)
     model, results, _ = run(change)
     assert [live(result) for result in results] == [live(result) for result in expected]
-    assert model._hum._rows
+    assert model._hum.searches
     model.change(SETTINGS)  # what is compared with are still the settings before

@@ -321,7 +321,7 @@ def test_an_unknown_offset_is_no_fault_of_a_taxel_or_its_neighbours(known: bool)
     quiet, nothing, all_taxels = np.full(LAYOUT.taxels, 1e-8), np.zeros(LAYOUT.taxels), np.ones(LAYOUT.taxels, np.bool_)
     for _ in range(30):
         for _ in range(block):
-            detector.add_scan(np.round(REST + rng.normal(0, deviation, LAYOUT.taxels)).astype(np.uint16), True)
+            detector.history.add(np.round(REST + rng.normal(0, deviation, LAYOUT.taxels)).astype(np.uint16), True)
         detector.close_block(0.02, force, quiet, nothing, ~all_taxels, all_taxels, ~unknown | known)
     assert np.array_equal(detector.faulty, unknown & known)
 

@@ -169,9 +169,9 @@ def test_hum_removal_and_the_limit_of_uncertainty_change_while_running(bench: Be
     node.start()
     assert bench.play(node, 600, 0.0) == 0
     assert node.latest().valid
-    assert node._reconstructor._hum._rows
+    assert node._reconstructor._hum.searches
     assert change(node, hum_removal=False, max_relative_uncertainty=0.5) == (True, "")
-    assert not node._reconstructor._hum._rows
+    assert not node._reconstructor._hum.searches
     assert node._reconstructor._estimator.max_relative_uncertainty == 0.5
     bench.play(node, 10)
     assert node.latest().valid

@@ -48,6 +48,10 @@ RESIDUAL_HYSTERESIS: Final = 0.02
 NEIGHBOUR_RELEASE: Final = 0.5
 """Release threshold over enter threshold of the neighbours of a noisy taxel [1]."""
 
+GREATER: Final = 1.0 + 1e-9
+"""A force counts as greater than another where it is by this much [1]: interpolation from two equal forces gives theirs
+to the rounding."""
+
 RELEASING: Final = 0.1
 """Fall of a force between two threshold updates by which a contact that ended at a raised threshold is still being
 released [contact threshold]; the error of an offset causes less."""
@@ -370,7 +374,7 @@ class ContactFinder:
             total,
             math.nan if bounded or math.isnan(total) else patch.variance,
             outline.area,
-            math.nan if bounded or highest > peak else peak / self._taxel_area,
+            math.nan if bounded or highest > GREATER * peak else peak / self._taxel_area,
             major,
             minor,
             separated,

@@ -16,7 +16,8 @@
 namespace posfet {
 
 /// Forces of one array and what is known of their errors. The arrays belong to the caller, have one value for each
-/// taxel, and outlive this object. Forces may be overwritten from scan to scan, the other values not.
+/// taxel, and outlive this object. Forces may be overwritten from scan to scan, the other values only
+/// before `forget`.
 class ForceEstimate {
 public:
   const double* force = nullptr;     ///< [N], positive when pushed.
@@ -29,8 +30,11 @@ public:
   const double* correlated_error = nullptr;
   std::size_t causes = 0;
 
-  /// Variance of the sum of the forces of some taxels [N2]; kept, as regions repeat.
+  /// Variance of the sum of the forces of some taxels [N2]; kept until `forget`, as regions repeat.
   double variance_of_sum(const Taxels& taxels) const;
+
+  /// Compute the variances anew: variances or correlated errors have changed.
+  void forget() { sums_.clear(); }
 
 private:
   double computed_variance_of_sum(const Taxels& taxels) const;

@@ -13,10 +13,12 @@
 /// The correction, its rate, and the small forces of untouched taxels come from the estimator, at each block's end.
 #pragma once
 
-#include <array>
+#include <limits>
 #include <vector>
 
+#include "posfet_core/flags.hpp"
 #include "posfet_core/grid.hpp"
+#include "posfet_core/thermometers.hpp"
 
 namespace posfet {
 
@@ -55,6 +57,9 @@ public:
   /// Charge densities of the last scan [C/m2].
   const std::vector<double>& charge() const { return charge_; }
 
+  /// Time constant of each taxel [s].
+  const std::vector<double>& time_constant() const { return time_constant_; }
+
   /// Force per charge density of each taxel [N m2/C].
   const std::vector<double>& newton_per_charge() const { return newton_per_charge_; }
 
@@ -68,6 +73,16 @@ private:
   std::vector<LeakageCoefficients> cache_;  ///< Allocated once; those with a step of 0 are not in use.
   std::size_t cached_ = 0;
   std::size_t last_ = 0;
+};
+
+/// What the forces of a block may do before its end.
+struct IntegrationLimits {
+  double long_step;      ///< A step longer than this leaves the time of a jump within it unknown [s].
+  double greatest_loss;  ///< Deviation of what leaked in one step, summed over the taxels, with which forces are not
+                         ///< valid [N].
+  double noticeable;     ///< Force of a taxel from which a scan is tested for a uniform change [N].
+  double fastest;        ///< Greatest rate of the film's temperature [K/s].
+  double negligible;     ///< Uniform change of the film's temperature with which forces are still valid [K].
 };
 
 /// Forces of all taxels [N], and their sums over a block of scans.
@@ -84,23 +99,60 @@ public:
     std::vector<double> raw_sum;     ///< Sum of the uncorrected forces [N].
     std::vector<double> jumped;      ///< Variance of what leaked of jumps within long steps of the block [N2].
     std::vector<double> lost;        ///< Standard deviation of what leaked in lost scans, common to all taxels [N].
+    std::vector<double> clipped;     ///< Force that leaked unseen while a taxel was saturated in the block [N].
+    std::vector<double> correlated_error;  ///< Factor E of the covariance E E' of the forces [N], [taxels, causes];
+                                           ///< the last cause is what leaked in lost scans.
+    TaxelFlags offset_known;               ///< Taxels whose offset is known.
+    TaxelFlags ignored;                    ///< Faulty taxels.
   };
 
-  /// Time constants [s], force per charge density [N m2/C] and per temperature of the film [N/K] of each taxel; a step
-  /// longer than `long_step` [s] leaves the time of a jump within it unknown.
+  /// The block so far, and the readings in it.
+  struct Block {
+    bool started = false;      ///< Whether the next scan has a predecessor.
+    bool valid = false;        ///< Whether the forces of all taxels are valid.
+    bool may_remove = false;   ///< Whether a uniform change may be removed while nothing touches.
+    double scans = 0.0;        ///< Number of scans [1].
+    double elapsed = 0.0;      ///< Their duration [s].
+    double square = 0.0;       ///< Sum of the squares of the steps [s2].
+    double compensated = 0.0;  ///< Uniform change that was removed [N].
+    double age = 0.0;          ///< Time since the first scan [s].
+    double reading = std::numeric_limits<double>::quiet_NaN();  ///< New reading of the temperature sensors [K].
+    double sensors = std::numeric_limits<double>::quiet_NaN();  ///< The last reading [K].
+  };
+
+  /// Time constants [s], force per charge density [N m2/C] and per temperature of the film [N/K] of each taxel; number
+  /// of causes of errors that the forces have in common, at least one.
   ForceIntegration(std::vector<double> time_constant, std::vector<double> newton_per_charge,
-                   std::vector<double> newton_per_kelvin, double long_step);
+                   std::vector<double> newton_per_kelvin, const IntegrationLimits& limits, std::size_t causes);
 
   std::size_t taxels() const { return inverse_.taxels(); }
+  std::size_t causes() const { return causes_; }
   LeakageInverse& inverse() { return inverse_; }
   State& state() { return state_; }
+  const State& state() const { return state_; }
+  Block& block() { return block_; }
+  const Block& block() const { return block_; }
+  const IntegrationLimits& limits() const { return limits_; }
+  Thermometers& thermometers() { return thermometers_; }
+
+  /// Process the charge densities [C/m2] of a scan and the readings of the temperature sensors [degC], `step` seconds
+  /// after the scan before, > 0. Returns false where there is none: the estimator has to start with this scan.
+  bool process(const double* charge, const float* temperatures, std::size_t sensors, double step);
+
+  /// Keep a uniform change out of the forces of a scan until the block ends: while nothing touches, no more of it than
+  /// the film can warm in that time; during a touch, what the untouched taxels show, as far as the rate of the film's
+  /// temperature is uncertain.
+  void compensate_common_mode(bool touched);
+
+  /// Note what leaked unseen of the saturated taxels in a step [s].
+  void clip(const bool* saturated, double step);
 
   /// Process the charge densities [C/m2] of a scan, `step` seconds after the one before, > 0. Returns the standard
   /// deviation of what leaked in the step, summed over the taxels [N]; 0 in steps that are not long.
   double advance(const double* charge, double step);
 
-  /// Start a new block: clear its sums.
-  void start_block();
+  /// Start a new block: clear its sums. `may_remove`: as in `Block`.
+  void start_block(bool may_remove);
 
   /// Set the untouched taxels that show the film's temperature during a touch, their small forces [N], and the share
   /// of a uniform change that is the film's [1]. Throws std::invalid_argument where a taxel is outside of the array.
@@ -116,14 +168,20 @@ public:
   /// once one of them feels `noticeable`, all [N]. Returns what was subtracted from a taxel of average response [N].
   double remove_uniform(const bool* ignored, double noticeable, double most);
 
+  /// Force per temperature of the film, mean of the taxels [N/K].
+  double mean_newton_per_kelvin() const { return mean_newton_per_kelvin_; }
+
 private:
   void shift(double factor);
 
   LeakageInverse inverse_;
   std::vector<double> newton_per_kelvin_;
   double mean_newton_per_kelvin_;
-  double long_step_;
+  IntegrationLimits limits_;
+  std::size_t causes_;
   State state_;
+  Block block_;
+  Thermometers thermometers_;
   Taxels untouched_;
   std::vector<double> small_;
   double share_ = 0.0;

@@ -16,6 +16,10 @@
 
 namespace posfet {
 
+/// Relative standard uncertainty of an interpolated force [1]: 0.11 for spheres of 1.5 to 6 mm radius anywhere on a
+/// 5 x 5 array, the rest for 5 % gain mismatch.
+constexpr double kInterpolationUncertainty = 0.2;
+
 /// Force [N] of a taxel as its neighbours predict it.
 ///
 /// `force` are the forces of all taxels [N]; those of the `unknown` ones are not used, those below `floor` count as

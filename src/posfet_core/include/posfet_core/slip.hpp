@@ -79,6 +79,9 @@ public:
   /// Update vibration and slip of the contacts of a scan with the forces of all taxels [N].
   const Motions& update(const std::vector<Contact>& contacts, const double* force, double step);
 
+  /// What `update` found last.
+  const Motions& motions() const { return motions_; }
+
   /// High-passed force of each taxel [N].
   const std::vector<double>& high_passed() const { return high_passed_; }
 

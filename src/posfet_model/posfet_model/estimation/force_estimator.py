@@ -26,7 +26,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import dropwhile, islice
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +169,13 @@ class Block:
     """Belief before this block."""
 
 
+def _of_scans(name: str) -> Any:
+    """Return a property that is an attribute of the compiled integration."""
+    return property(
+        lambda self: getattr(self.integration, name), lambda self, value: setattr(self.integration, name, value)
+    )
+
+
 class ForceEstimator:
     """Force of every taxel with its covariance, from charge densities; arrays row by row, shape [rows * cols].
 
@@ -211,9 +218,18 @@ class ForceEstimator:
         self.max_relative_uncertainty = max_relative_uncertainty
         """Standard deviation of the total force over that force above which forces are not valid; may change."""
         self._runaway = RUNAWAY * device.force_max
-        self._integration = scan_path.ForceIntegration(
-            self._tau, 1.0 / (charge_per_newton(sensor) * gain), self._per_kelvin, LONG_STEP * float(self._tau.min())
+        self.integration = self._integration = scan_path.ForceIntegration(
+            self._tau,
+            1.0 / (charge_per_newton(sensor) * gain),
+            self._per_kelvin,
+            LONG_STEP * float(self._tau.min()),
+            greatest_loss=LEAST_DEVIATION * self._threshold,
+            noticeable=NOTICEABLE * self._threshold,
+            fastest=UniformChange.FASTEST,
+            negligible=self._negligible,
+            causes=COUNT + 3,
         )
+        """What happens in every scan, and the state that it changes."""
         lag = calibration.thermal_time_constant
         self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
         self._dynamics = SharedDynamics(p, self._film_lag)
@@ -233,16 +249,14 @@ class ForceEstimator:
         self._surroundings = ContactSurroundings(sensor.layout)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
-        self.film = Thermometers()
+        self.film: Thermometers = self._integration.thermometers
         """The chip's temperature sensors."""
         self.force = self._integration.force
         """Estimated force [N], positive when pushed; valid where `offset_known`. Owned by the estimator."""
-        self.offset_known = np.zeros(taxels, np.bool_)
+        self.offset_known = self._integration.offset_known
         """Taxels whose offset is known."""
-        self.ignored = np.zeros(taxels, np.bool_)
+        self.ignored = self._integration.ignored
         """Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`."""
-        self.valid = False
-        """Whether the forces of all taxels are valid."""
         self.restarts = 0
         """Number of restarts of taxels whose signal was consistent with no force."""
         self._make_state(taxels)
@@ -251,14 +265,12 @@ class ForceEstimator:
     def _make_state(self, taxels: int) -> None:
         self.informative = np.zeros(taxels, np.bool_)
         """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
-        self._started, self._recovering, self._agreed, self._reading = False, 0.0, 0.0, math.nan
-        self._sensors, self._unread, self._last_duration = math.nan, 0.0, BLOCK
+        self._recovering, self._agreed, self._unread, self._last_duration = 0.0, 0.0, 0.0, BLOCK
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
-        self._age = 0.0
         self._rested = 0.0  # time since a contact was listed [s]
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         scans = self._integration
@@ -269,10 +281,21 @@ class ForceEstimator:
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._absorbed = np.zeros((2, taxels))
-        self._factor = np.zeros((taxels, COUNT + 3))
+        self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
         self._listed, self._touched, self._beside, self._nowhere = np.zeros((4, taxels), np.bool_)
+
+    # What changes from scan to scan is held by the compiled path.
+    valid: bool = _of_scans("valid")
+    """Whether the forces of all taxels are valid."""
+    _started: bool = _of_scans("started")
+    _age: float = _of_scans("age")
+    _scans: float = _of_scans("scans")
+    _elapsed: float = _of_scans("elapsed")
+    _square: float = _of_scans("square")
+    _reading: float = _of_scans("reading")
+    _sensors: float = _of_scans("sensors")
 
     @property
     def block_due(self) -> bool:
@@ -330,6 +353,7 @@ class ForceEstimator:
 
     def ignore(self, taxels: Mask) -> None:
         """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
+        self._apply_clipped()
         back = self.ignored & ~taxels
         self.ignored[:] = taxels
         if back.any():
@@ -359,20 +383,8 @@ class ForceEstimator:
         step : float
             Time since the previous scan [s], > 0.
         """
-        reading = self.film.read(temperatures, step if self._started else math.inf)
-        if not math.isnan(reading):
-            self._reading = self._sensors = reading
-        if not self._started:
-            self._start(charge)
-            return
-        lost = self._integration.advance(charge, step)
-        self._scans += 1
-        self._elapsed += step
-        self._age += step
-        self._square += step * step
-        if lost > 0.0:
-            self._factor[:, COUNT + 2] = self._lost
-            self.valid = self.valid and lost < LEAST_DEVIATION * self._threshold
+        if not self._integration.process(charge, temperatures, step):
+            self.start(charge)
 
     def compensate_common_mode(self, touched: bool) -> None:
         """Keep a uniform change out of the forces of a scan until the block ends.
@@ -385,28 +397,16 @@ class ForceEstimator:
         touched : bool
             Whether anything touches.
         """
-        self._integration.follow_untouched()
-        if touched or self._uniform.pause > 0.0 or not self._uniform.observable or any_true(self._touched):
-            return
-        most = UniformChange.FASTEST * self._elapsed * abs(self._mean_per_kelvin) - self._compensated
-        removed = self._integration.remove_uniform(self.ignored, NOTICEABLE * self._threshold, most)
-        if removed > 0.0:
-            self._compensated += removed
-            self.valid = self.valid and self._compensated <= self._negligible * abs(self._mean_per_kelvin)
+        self._integration.compensate_common_mode(touched)
 
-    def inflate_variance(self, saturated: Mask, step: float) -> None:
-        """Increase the variance of saturated taxels by the leakage that the clipped signal does not show.
-
-        Parameters
-        ----------
-        saturated : ndarray of bool, shape [rows * cols]
-            Taxels at the end of their range.
-        step : float
-            Time since the previous scan [s].
-        """
-        lost = np.abs(self._integration.signal[saturated]) * (step / self._tau[saturated])
-        own = self.belief.own
-        own[saturated, 0, 0] = (np.sqrt(np.maximum(own[saturated, 0, 0], 0.0)) + lost) ** 2
+    def _apply_clipped(self) -> None:
+        """Increase the variance of saturated taxels by the leakage that the clipped signal did not show."""
+        clipped, own = self._integration.clipped, self.belief.own
+        if any_true(clipped > 0.0):
+            own[:, 0, 0] = np.where(
+                clipped > 0.0, (np.sqrt(np.maximum(own[:, 0, 0], 0.0)) + clipped) ** 2, own[:, 0, 0]
+            )
+            clipped[:] = 0.0
 
     def tare(self, forced: bool = False) -> Array:
         """Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time.
@@ -422,6 +422,7 @@ class ForceEstimator:
         ndarray of float64, shape [rows * cols]
             Correction that was added to each force [N]; 0 for ignored taxels.
         """
+        self._apply_clipped()
         change: Array = np.where(self.ignored, 0.0, -self.force if forced else -self._mean)
         belief = self.belief
         belief.error[:, 0] -= change
@@ -452,6 +453,7 @@ class ForceEstimator:
         contacts : sequence of ndarray of int
             Taxels of each contact.
         """
+        self._apply_clipped()
         listed = touched & self.offset_known
         if any_true(lost := self._unreleased(listed)):
             listed = listed | lost
@@ -940,8 +942,15 @@ class ForceEstimator:
         rate, variance = self.belief.shared[Shared.RATE], self.belief.covariance[Shared.RATE, Shared.RATE]
         return abs(float(rate)) > 3.0 * math.sqrt(variance)
 
-    def _start(self, charge: Array) -> None:
-        """Start with a scan that has no predecessor."""
+    def start(self, charge: Array) -> None:
+        """Start with a scan that has no predecessor.
+
+        Parameters
+        ----------
+        charge : ndarray of float64, shape [rows * cols]
+            Charge densities [C/m2].
+        """
+        self._apply_clipped()
         self._integration.start(charge)
         self._leaked = self._raw - self._integration.signal
         self._last_duration = BLOCK
@@ -1006,6 +1015,5 @@ class ForceEstimator:
         self._blocks.clear()
 
     def _start_block(self) -> None:
-        self._integration.start_block()
-        self._scans = 0
-        self._elapsed = self._square = self._compensated = 0.0
+        may_remove = self._uniform.pause <= 0.0 and self._uniform.observable and not any_true(self._touched)
+        self._integration.start_block(may_remove)

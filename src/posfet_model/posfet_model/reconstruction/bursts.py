@@ -22,7 +22,7 @@ whose force the skin spreads off the array; a plate that hits the whole array ev
 accepted: a burst on a patch of taxels with the profile of a touch; any burst on a skin thinner than `LEAST_SPREAD`, or
 on an array without neighbours.
 
-What happens in every scan is compiled: `posfet_core`, jumps.hpp.
+Compiled: `posfet_core`, bursts.hpp and jumps.hpp.
 """
 
 from __future__ import annotations
@@ -30,11 +30,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from posfet_core import scan_path
-from posfet_model._lib.reductions import any_true
-from posfet_model._lib.types import Array, Mask
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from posfet_model.sensor.skin_response import SkinResponse
@@ -45,25 +41,16 @@ LEAST_JUMP: Final = 0.5
 NOISE_FREE: Final = 8.0
 """Standard deviations of the noise beyond which a difference of changes is a jump [1]."""
 
-USUAL_CHANGES: Final = 8.0
-"""A jump is more than this many median differences of changes [1]: strong hum and vibration change in every scan."""
-
-CERTAINTY: Final = 1.0
-"""Standard deviations by which the neighbours of a jump must miss their part [1]: low, since a touch that is refused in
-error is seen in the next scan."""
-
 MOST_IN_A_ROW: Final = scan_path.MOST_IN_A_ROW
 """Number of consecutive scans that are refused at most."""
 
-FEWEST_TAXELS: Final = 9
-"""Number of taxels from which a jump of all of them is no touch: a fingertip covers fewer."""
 
-EVENLY: Final = 0.3
-"""Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less."""
-
-
-class BurstDetector:
+class BurstDetector(scan_path.BurstDetector):
     """Finds the scans with a burst, scan by scan.
+
+    `is_burst` takes the charge densities [C/m2] and the sequence number of a scan, and the taxels that are not tested;
+    it keeps the charges unless the scan has a burst. `set_usual_change` takes the median difference of two changes of
+    each taxel [N], initially none.
 
     Parameters
     ----------
@@ -72,47 +59,7 @@ class BurstDetector:
     """
 
     def __init__(self, sensor: Sensor) -> None:
-        taxels, self._scale = sensor.layout.taxels, charge_per_newton(sensor)
+        scale = charge_per_newton(sensor)
         noise = math.sqrt(6.0) * force_noise_rms(sensor)  # of a second difference
-        self._variance = np.full(taxels, (noise * self._scale) ** 2)
-        self._least = max(LEAST_JUMP * sensor.contact.threshold, NOISE_FREE * noise) * self._scale
-        self._jumps = scan_path.JumpDetector(taxels, self._least)
-        self._skin = SkinResponse(sensor)
-        self._sequence = -2
-
-    def set_usual_change(self, change: Array) -> None:
-        """Set the median difference of two changes of each taxel [N], shape [rows * cols]; initially none."""
-        self._jumps.set_limits(np.maximum(self._least, USUAL_CHANGES * self._scale * change))
-
-    def is_burst(self, charge: Array, sequence: int, faulty: Mask) -> bool:
-        """Return whether a scan has a burst, and keep its charges if not.
-
-        Parameters
-        ----------
-        charge : ndarray of float64, shape [rows * cols]
-            Charge densities of the scan [C/m2].
-        sequence : int
-            Sequence number of the scan.
-        faulty : ndarray of bool, shape [rows * cols]
-            Taxels that are not tested.
-        """
-        adjacent, self._sequence = sequence == self._sequence + 1, sequence
-        jumps = self._jumps
-        if not jumps.examine(charge, adjacent, faulty):
-            return False
-        found = self._is_no_touch(jumps.jump, jumps.fresh, ~faulty)
-        if found:
-            jumps.refuse()
-        else:
-            jumps.accept()
-        return found
-
-    def _is_no_touch(self, jump: Array, fresh: Mask, sound: Mask) -> bool:
-        """Return whether no touch can have caused the jump of the `fresh` taxels."""
-        contradicted, _ = self._skin.contradicts(jump, self._variance, sound, CERTAINTY, one_sided=True)
-        if any_true(contradicted & fresh):
-            return True
-        if np.count_nonzero(sound) < FEWEST_TAXELS or any_true(sound & ~fresh):
-            return False
-        least, greatest = float(jump[sound].min()), float(jump[sound].max())
-        return min(least / greatest, greatest / least) >= EVENLY
+        least = max(LEAST_JUMP * sensor.contact.threshold, NOISE_FREE * noise) * scale
+        super().__init__(SkinResponse(sensor), least, (noise * scale) ** 2, scale)

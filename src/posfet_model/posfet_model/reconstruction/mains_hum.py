@@ -13,6 +13,8 @@ not in contact, for all. So a touch that vibrates at the mains frequency is pres
 untouched, the phase is predicted for a while; after that the hum is no longer subtracted.
 
 Only the fundamental is estimated. Harmonics stay.
+
+What happens in every scan is compiled: `posfet_core`, hum_filter.hpp.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_core import scan_path
 from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 
@@ -73,8 +76,11 @@ FADING: Final = 0.8
 TURN: Final = 2.0 * math.pi
 
 
-class MainsHum:
+class MainsHum(scan_path.HumFilter):
     """Estimates and subtracts the hum of signals in any unit, scan by scan, shape [taxels].
+
+    `remove` subtracts the hum from the signals of a scan, in place, and keeps them for the estimation; required while
+    `sampling`.
 
     State variables: cosine and sine parts of each taxel's hum [unit of the signals], phase [rad] and frequency [Hz],
     the signals of the current window.
@@ -91,18 +97,7 @@ class MainsHum:
 
     def __init__(self, taxels: int, rate: float, noise: float) -> None:
         scans = round(WINDOW * rate) if rate >= SCANS_PER_PERIOD * max(FREQUENCIES) else 0
-        self.present = False
-        """Whether a hum is subtracted."""
-        self._parts = np.zeros((2, taxels))  # of the cosine and the sine of the phase
-        self._hum = np.zeros(taxels)
-        self._rotation = np.zeros(2)
-        self._frequency = 0.0
-        self._phase = 0.0  # at the start of the window [rad]
-        self._time = 0.0  # since then [s]
-        self._window = np.zeros((scans, taxels))
-        self._rows = list(self._window)
-        self._times = np.zeros(scans)
-        self._filled = 0
+        super().__init__(taxels, scans)
         self._pause = 0.0
         self._touched = np.zeros(taxels, np.bool_)
         # Hann window: suppresses slow changes.
@@ -114,46 +109,29 @@ class MainsHum:
         self._predicted = 0.0  # time since the phase was last measured [s]
 
     @property
-    def sampling(self) -> bool:
-        """Whether the signals of the next scan are needed."""
-        return self._pause <= 0.0 and len(self._rows) > 0
+    def searches(self) -> bool:
+        """Whether the rate suffices to find hum."""
+        return self.scans > 0
 
     @property
     def frequency(self) -> float:
         """Frequency of the hum [Hz]; NaN: no hum."""
-        return self._frequency if self.present else math.nan
+        return self.hum_frequency if self.present else math.nan
 
     @property
     def amplitude(self) -> float:
         """Root mean square of the taxels' amplitudes, in the unit of the signals."""
-        return math.sqrt(2.0 * float(np.mean(self._parts * self._parts)))
-
-    def remove(self, signal: Array, step: float) -> None:
-        """Subtract the hum from the signals of a scan, in place; required while `sampling`.
-
-        Parameters
-        ----------
-        signal : ndarray of float64, shape [taxels]
-            Signals; overwritten.
-        step : float
-            Time since the previous scan [s].
-        """
-        self._time += step
-        if self.present:
-            angle = self._phase + TURN * self._frequency * self._time
-            rotation = self._rotation
-            rotation[0], rotation[1] = math.cos(angle), math.sin(angle)
-            signal -= rotation.dot(self._parts, self._hum)
-        filled = self._filled
-        if filled < len(self._rows):
-            self._rows[filled][...] = signal
-            self._times[filled] = self._time
-            self._filled = filled + 1
+        return math.sqrt(2.0 * float(np.mean(self.parts**2)))
 
     def interrupt(self) -> None:
         """Reset: an unknown time passes before the next scan, and the phase is lost."""
         self._reset()
         self._start_window()
+
+    def forget(self) -> None:
+        """Forget what was seen of the window that an interruption has ended."""
+        self._suspected, self._pause = None, 0.0
+        self._touched[:] = False
 
     def close_block(self, touched: Mask, ignored: Mask, duration: float) -> None:
         """End a block of scans; process the window when it is complete.
@@ -173,7 +151,7 @@ class MainsHum:
                 self._start_window()
             return
         self._touched |= touched
-        if not len(self._rows) or self._filled < len(self._rows):
+        if not self.searches or self.filled < self.scans:
             return
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
@@ -184,7 +162,7 @@ class MainsHum:
         if self.present or self._suspected is not None:
             self._start_window()
         else:
-            self._pause = PAUSE
+            self._pause, self.sampling = PAUSE, False
 
     def _detect(self, free: Mask) -> None:
         """Detect a persistent hum: two consecutive windows must agree."""
@@ -195,8 +173,8 @@ class MainsHum:
         self._suspected = None
         if abs(now) <= max(DETECTION * self._noise_of_window / math.sqrt(np.count_nonzero(free)), self._least):
             return
-        if before is None or self._frequency != frequency:
-            self._suspected, self._frequency = now, frequency
+        if before is None or self.hum_frequency != frequency:
+            self._suspected, self.hum_frequency = now, frequency
             return
         phase_change = np.angle(now / before)
         if abs(phase_change) > LARGEST_PHASE_CHANGE:
@@ -204,19 +182,19 @@ class MainsHum:
             return
         self.present = True
         parts = measured[frequency]
-        self._parts[:] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
-        self._frequency += phase_change / (TURN * self._time)
+        self.parts[:] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
+        self.hum_frequency += phase_change / (TURN * self.time)
         self._windows, self._predicted = 1, 0.0
 
     def _track(self, free: Mask | None, touched: bool) -> None:
         """Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches."""
         if free is None:
-            self._predicted += self._time
+            self._predicted += self.time
             if self._predicted > PREDICTION_TIME:
                 self._scale(FADING)
             return
         self._predicted = 0.0
-        residual, parts = self._correlate(self._frequency), self._parts
+        residual, parts = self._correlate(self.hum_frequency), self.parts
         power = float(np.sum(parts[:, free] ** 2))
         if power == 0.0:
             self._reset()
@@ -224,8 +202,8 @@ class MainsHum:
         in_phase = float(np.sum(parts[:, free] * residual[:, free])) / power
         lead = float(np.sum(parts[0, free] * -residual[1, free] + parts[1, free] * residual[0, free])) / power
         error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
-        self._phase += PHASE_GAIN * error
-        self._frequency += FREQUENCY_GAIN * error / (TURN * self._time)
+        self.phase += PHASE_GAIN * error
+        self.hum_frequency += FREQUENCY_GAIN * error / (TURN * self.time)
         if touched:
             return
         self._windows += 1
@@ -235,25 +213,23 @@ class MainsHum:
 
     def _scale(self, factor: float) -> None:
         """Scale all amplitudes; drop the hum when it becomes negligible."""
-        self._parts *= factor
+        np.multiply(self.parts, factor, out=self.parts)
         if self.amplitude < 0.5 * self._least:
             self._reset()
 
     def _reset(self) -> None:
-        self.present, self._suspected = False, None
-        self._parts[:] = 0.0
+        self.clear()
+        self._suspected = None
 
     def _start_window(self) -> None:
-        self._phase = (self._phase + TURN * self._frequency * self._time) % TURN
-        self._time = 0.0
-        self._filled = 0
+        self.start_window()
         self._touched[:] = False
         self._pause = 0.0
 
     def _correlate(self, frequency: float) -> Array:
         """Return the cosine and sine parts of the window's signals at a frequency [Hz], shape [2, taxels]."""
-        angle = self._phase + TURN * frequency * self._times
-        parts: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self._window
+        angle = self.phase + TURN * frequency * self.times
+        parts: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self.window
         return parts
 
 

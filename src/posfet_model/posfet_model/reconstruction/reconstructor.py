@@ -5,25 +5,31 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Hot path of the model: a scan in, forces and contacts out. All memory is allocated once."""
+"""Hot path of the model: a scan in, forces and contacts out.
+
+What happens in every scan is one call of the compiled path (`posfet_core`, scan_path.hpp), whose parts are shared with
+what is done here every 20 ms: estimation, tests of the taxels, thresholds.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntFlag
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core import scan_path
 from posfet_model._lib.reductions import any_true
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
+from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
-from posfet_model.estimation.force_estimator import ForceEstimator
+from posfet_model.estimation.force_estimator import BLOCK, ForceEstimator
 from posfet_model.reconstruction.bursts import BurstDetector
+from posfet_model.reconstruction.contacts_writer import ContactsWriter
 from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
@@ -33,10 +39,7 @@ from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import READING, InverseSignalChain, charge_per_newton, force_noise_rms
-
-MOST_IMPLAUSIBLE: Final = 10
-"""Number of consecutive scans with most taxels saturated after which such a scan is accepted."""
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, force_noise_rms, volts_per_count
 
 
 class InvalidReason(IntFlag):
@@ -84,7 +87,70 @@ class Reconstruction:
 
     def snapshot(self) -> Reconstruction:
         """Return an independent copy, which the next scan does not overwrite."""
-        return replace(self, motions=dict(self.motions))
+        return Reconstruction(*self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return the values of the fields, in their order."""
+        return (
+            self.accepted,
+            self.unusable,
+            self.stamp,
+            self.sequence,
+            self.valid,
+            self.contacts,
+            dict(self.motions),
+            self.saturated,
+            self.reasons,
+        )
+
+    def serialise(self, writer: ContactsWriter) -> bytes:
+        """Return the contacts as a serialised message.
+
+        Parameters
+        ----------
+        writer : ContactsWriter
+            What is the same in each message of the sensor.
+        """
+        return writer.write_contacts(self.stamp, self.sequence, self.valid, self.contacts, self.motions)
+
+
+class _LastResult(Reconstruction):
+    """Result of the last scan of a path: contacts and motions are made when they are asked for."""
+
+    __slots__ = ("_made", "_path")
+
+    def __init__(self, path: scan_path.ScanPath) -> None:
+        super().__init__(False, False, 0, 0, False, (), {}, 0)
+        self._path = path
+        self._made = ["contacts", "motions"]
+        self.forget()
+
+    def forget(self) -> None:
+        """Make contacts and motions anew when they are asked for."""
+        for name in self._made:
+            delattr(self, name)
+        self._made.clear()
+
+    def __getattr__(self, name: str) -> Any:
+        """Make an attribute that was forgotten."""
+        if name not in ("contacts", "motions"):
+            raise AttributeError(name)
+        made = getattr(self._path, name)
+        setattr(self, name, made)
+        self._made.append(name)
+        return made
+
+    def __reduce__(self) -> tuple[type[Reconstruction], tuple[Any, ...]]:
+        """Make copies results of their own."""
+        return Reconstruction, self._values()
+
+    def serialise(self, writer: ContactsWriter) -> bytes:
+        """Return the contacts as a serialised message."""
+        return writer.write_scan(self._path)
+
+
+_REASONS: Final = tuple(InvalidReason(bits) for bits in range(16))
+"""What the compiled path gives as bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,16 +189,12 @@ class Reconstructor:
         self.calibration = calibration or Calibration.nominal(sensor)
         """Properties of each taxel in use."""
         self._clock = ScanClock(sensor)
-        self._inverse = InverseSignalChain(sensor)
-        self._crosstalk = CrosstalkCompensator(sensor.layout, self.calibration.crosstalk)
         self._estimator = ForceEstimator(sensor, settings.priors, self.calibration, settings.max_relative_uncertainty)
         noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._sensor, self._noise, self._settings = sensor, noise, settings
         self._hum = self._make_hum(settings)
         self._dynamic = DynamicChannel(sensor.layout, noise)
-        self.vibration_wanted = False
-        """Whether the dynamic channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
         self._finder.set_thresholds(settings.contact or sensor.contact)
         self._tracker = ContactTracker(sensor)
@@ -140,31 +202,58 @@ class Reconstructor:
         self._detects_faults = settings.fault_detection
         self._estimator.ignore(self._faults.faulty)
         self._bursts = BurstDetector(sensor)
-        self._least = INFORMATIVE * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._contact_margin = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
-        self._readings = np.zeros(taxels, READING)
-        self._charge, self._saturated = self._readings["charge"], self._readings["saturated"]
-        volts_per_charge = sensor.volts_per_newton / charge_per_newton(sensor)
-        self._offset_charge = self.calibration.offset / volts_per_charge
-        self._any_offset = bool(self._offset_charge.any())
-        self._filled = np.zeros(taxels)
+        self._path = self._make_path()
+        self._saturated, self._filled, self._interpolated = (
+            self._path.saturated, self._path.filled, self._path.interpolated
+        )  # fmt: skip
         self._variance = np.zeros(taxels)
-        self._estimate: ForceEstimate | None = None
-        self._interpolated = np.zeros(taxels, np.bool_)
         self._informative = sensor.contact.threshold / ENTER_DEVIATIONS
-        self._unlisted: NDArray[np.bool_] | None = None
         self._choose_interpolated()
         self._set_thresholds()
-        self._saturated_now = 0
-        self._implausible_in_a_row = 0
-        self._blank = False  # whether the newest scan that was not refused as duplicate or late was unusable
-        self._result = Reconstruction(False, False, 0, 0, False, (), {}, 0)
+        self._result = _LastResult(self._path)
         self._image = ForceImage.unknown(taxels)
+
+    def _make_path(self) -> scan_path.ScanPath:
+        """Return the compiled path of the parts."""
+        sensor = self._sensor
+        inverse = InverseSignalChain(sensor)
+        low, high = inverse.saturated_counts
+        return scan_path.ScanPath(
+            clock=self._clock,
+            crosstalk=CrosstalkCompensator(sensor.layout, self.calibration.crosstalk),
+            bursts=self._bursts,
+            hum=self._hum,
+            integration=self._estimator.integration,
+            history=self._faults.history,
+            finder=self._finder,
+            tracker=self._tracker,
+            channel=self._dynamic,
+            volts_of_zero=sensor.adc.low,
+            volts_per_count=volts_per_count(sensor),
+            gain=sensor.amplifier.follower_gain,
+            amplifier_offset=sensor.amplifier.offset,
+            capacitance=sensor.device.film_capacitance,
+            saturated_low=low,
+            saturated_high=high,
+            offset=self.calibration.offset * charge_per_newton(sensor) / sensor.volts_per_newton,
+            informative=INFORMATIVE * self._noise,
+        )
+
+    @property
+    def vibration_wanted(self) -> bool:
+        """Whether the dynamic channel runs while nothing touches, too, and averages the power of each taxel."""
+        return self._path.vibration_wanted
+
+    @vibration_wanted.setter
+    def vibration_wanted(self, wanted: bool) -> None:
+        """Set it."""
+        self._path.vibration_wanted = wanted
 
     @property
     def counts(self) -> ScanCounts:
-        """Numbers of scans and events since the start, by cause."""
+        """Numbers of scans and events since the start, by cause; a copy, which later scans do not change."""
         return self._clock.counts
 
     @property
@@ -205,7 +294,7 @@ class Reconstructor:
     @property
     def maintenance_due(self) -> bool:
         """Whether `run_maintenance` has work to do."""
-        return self._estimator.block_due
+        return self._path.is_block_due(BLOCK)
 
     def process(self, scan: Scan) -> Reconstruction:
         """Process one scan.
@@ -221,66 +310,27 @@ class Reconstructor:
             Result; overwritten by the next call.
         """
         result = self._result
-        clock, estimator = self._clock, self._estimator
-        fits = clock.fits(scan)
-        if fits and not clock.is_new(scan):
-            result.accepted = result.unusable = False
-            return result
-        if estimator.block_due:
-            self._close_block()
-        result.accepted = fits and clock.is_sound(scan) and self._plausible(scan) and not self._has_burst(scan)
-        result.unusable = self._blank = not result.accepted
-        if result.unusable:
-            return self._flag(scan)
-        clock.admit(scan)
-        if self._any_offset:
-            self._charge -= self._offset_charge
-        charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
-        if clock.interrupted:
-            estimator.interrupt()
-            self._dynamic.pause()
-            self._hum.interrupt()
-            self._estimate = None
-        if self._hum.sampling:
-            self._hum.remove(charge, clock.step)
-        estimator.advance(charge, scan.temperatures, clock.step)
-        result.saturated = self._saturated_now
-        if result.saturated:
-            estimator.inflate_variance(self._saturated, clock.step)
-        estimator.compensate_common_mode(not self._tracker.idle)
-        self._faults.add_scan(scan.counts, clock.close)
-        regions = self._find_with_faulty() if self._any_interpolated else self._finder.find(estimator.force)
-        if regions or self.vibration_wanted:
-            self._dynamic.advance(estimator.change, clock.step)
-            if self.vibration_wanted:
-                self._dynamic.update_power(clock.step)
-        else:
-            self._dynamic.pause()
-        if regions or not self._tracker.idle:
-            result.contacts = self._follow(clock.step)
-            result.motions = self._dynamic.update(self._tracker, estimator.force, clock.step)
-        elif result.contacts:
-            result.contacts = ()
-        result.stamp = scan.stamp
-        result.sequence = scan.sequence
-        result.valid = estimator.valid and not clock.suspect
-        result.reasons = InvalidReason.NONE if result.valid else self._reasons()
+        accepted, unusable, valid, reasons, saturated = self._path.process(scan, BLOCK, self._close_block, self._start)
+        result.accepted, result.unusable = accepted, unusable
+        if accepted or unusable:
+            result.stamp, result.sequence = scan.stamp, scan.sequence
+            result.valid, result.reasons, result.saturated = valid, _REASONS[reasons], saturated
+            result.forget()
         return result
 
-    def _reasons(self) -> InvalidReason:
-        """Return why the result of an accepted scan is not valid."""
-        reasons = InvalidReason.TIME_UNCERTAIN if self._clock.suspect else InvalidReason.NONE
-        if not self._estimator.valid:
-            settled = bool(self._estimator.offset_known.all())
-            reasons |= InvalidReason.UNCERTAIN if settled else InvalidReason.BASELINE_UNKNOWN
-        return reasons
+    def _start(self, charge: NDArray[np.float64], interrupted: bool) -> None:
+        """Start with a scan of these charge densities [C/m2] that has no predecessor."""
+        if interrupted:
+            self._estimator.interrupt()
+            self._hum.forget()
+        self._estimator.start(charge)
 
     def run_maintenance(self) -> None:
         """Run the block maintenance now, after the results of a scan were published, instead of in the next `process`.
 
         Every 20 ms baselines are corrected and taxels tested, which takes several times as long as a scan.
         """
-        if self._estimator.block_due:
+        if self.maintenance_due:
             self._close_block()
 
     def change(self, settings: ReconstructionSettings) -> None:
@@ -304,6 +354,7 @@ class Reconstructor:
             raise ValueError("priors must be as before: they are used when the estimator is made")
         if settings.hum_removal != before.hum_removal:
             self._hum = self._make_hum(settings)
+            self._path.set_hum(self._hum)
         self._estimator.max_relative_uncertainty = settings.max_relative_uncertainty
         self._detects_faults = settings.fault_detection
         self._finder.set_thresholds(settings.contact or self._sensor.contact)
@@ -347,7 +398,6 @@ class Reconstructor:
         """Set the forces to zero."""
         change = self._estimator.tare(forced)
         self._set_thresholds()
-        self._estimate = None
         largest = int(np.abs(change).argmax())
         moved = float(change[largest])
         return Tare(True, f"baseline shifted by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
@@ -371,9 +421,9 @@ class Reconstructor:
         each = self._variance + np.einsum("ij,ij->i", shared, shared)
         np.sqrt(each, out=image.standard_deviation, casting="same_kind")
         image.status[:] = faults.status
-        if self._blank:
+        if self._path.blank:
             known = np.zeros_like(known)
-        if faults.any_faulty or not estimator.valid or self._blank:
+        if faults.any_faulty or not estimator.valid or self._path.blank:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         self._set_total(known)
@@ -440,16 +490,8 @@ class Reconstructor:
             Vibration [N]; NaN for faulty and saturated taxels.
         """
         vibration = np.sqrt(self._dynamic.power).astype(np.float32)
-        vibration[self._faults.faulty | self._saturated | self._blank] = math.nan
+        vibration[self._faults.faulty | self._saturated | self._path.blank] = math.nan
         return vibration
-
-    def _flag(self, scan: Scan) -> Reconstruction:
-        """Return the result of an unusable scan: the contacts stay as they were, and nothing is valid."""
-        result = self._result
-        result.stamp, result.sequence, result.valid = scan.stamp, scan.sequence, False
-        result.reasons = InvalidReason.SCAN_UNUSABLE
-        result.contacts = tuple(contact for contact in result.contacts if contact.state is not ContactState.RELEASED)
-        return result
 
     def _keep_non_negative(self, known: NDArray[np.bool_]) -> None:
         """Project the image onto non-negative forces in each contact; their sum stays the same."""
@@ -458,63 +500,6 @@ class Reconstructor:
             force = self._estimator.force[members]
             if force.min(initial=0.0) < 0.0:
                 self._image.force[members] = non_negative(force, self._variance[members])
-
-    def _plausible(self, scan: Scan) -> bool:
-        """Find saturated taxels; refuse a scan in which most are saturated, unless it persists."""
-        self._inverse.read(scan.counts, self._readings)
-        flags = self._saturated.tobytes()
-        self._saturated_now = flags.count(1) if 1 in flags else 0
-        if 2 * self._saturated_now <= len(flags):
-            self._implausible_in_a_row = 0
-            return True
-        self._implausible_in_a_row += 1
-        if self._implausible_in_a_row > MOST_IMPLAUSIBLE:
-            return True
-        self._clock.counts.implausible += 1
-        return False
-
-    def _has_burst(self, scan: Scan) -> bool:
-        """Return whether the readings have a burst; count it."""
-        found = self._bursts.is_burst(self._charge, scan.sequence, self._faults.faulty)
-        self._clock.counts.bursts += found
-        return found
-
-    def _follow(self, step: float) -> tuple[Contact, ...]:
-        """Measure the regions in contact and update the contacts."""
-        if self._any_interpolated or self._result.saturated:
-            estimate = self._make_estimate()  # of this scan alone
-        else:
-            estimate = self._estimate = self._estimate or self._make_estimate()
-        return self._tracker.follow(self._finder, estimate, step)
-
-    def _make_estimate(self) -> ForceEstimate:
-        """Return the forces with their uncertainty at the end of the last block."""
-        estimator, interpolated = self._estimator, None
-        force, variance = estimator.force, estimator.force_variance(np.empty_like(self._variance))
-        if self._any_interpolated:
-            force, interpolated = self._filled, self._interpolated
-            variance[interpolated] = _interpolation_variance(force[interpolated])
-        return ForceEstimate(
-            force,
-            variance,
-            saturated=self._saturated if self._result.saturated else None,
-            unlisted=self._unlisted,
-            interpolated=interpolated,
-            correlated_error=estimator.correlated_error,
-        )
-
-    def _find_with_faulty(self) -> int:
-        """Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours."""
-        force, faults = self._filled, self._faults
-        force[:] = self._estimator.force
-        force[self._interpolated] = 0.0
-        regions = self._finder.find(force)
-        if not regions:
-            return regions
-        unknown = self._interpolated | ~self._estimator.offset_known
-        wanted = self._interpolated.nonzero()[0]
-        force[wanted] = faults.surroundings.interpolate(force, unknown, wanted, self._least)
-        return self._finder.find(force)
 
     def _close_block(self) -> None:
         """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
@@ -535,28 +520,23 @@ class Reconstructor:
         estimator.close_block(self._finder.touched, contacts)
         self._choose_interpolated()
         self._set_thresholds()
-        self._estimate = None
 
     def _choose_interpolated(self) -> None:
         """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
         faults = self._faults
-        self._any_interpolated, self._unlisted = False, None
         if not faults.any_faulty:
+            self._path.set_faulty(None, None)
             return
-        self._unlisted = faults.faulty.copy()
         informative = faults.informative(self._informative) & self._estimator.offset_known
         self._estimator.informative[:] = informative
-        estimated = faults.faulty & ~informative
-        self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan
-        self._interpolated[:] = estimated
-        self._any_interpolated = bool(self._interpolated.any())
+        self._path.set_faulty(faults.faulty, faults.faulty & ~informative)
 
     def _set_thresholds(self) -> None:
-        """Set the contact thresholds by the uncertainty of the forces."""
+        """Set the contact thresholds by the uncertainty of the forces, and that uncertainty itself."""
         estimator = self._estimator
+        self._path.set_variance(estimator.force_variance(self._variance))
         self._variance = estimator.variance(self._variance)
-        if self._any_interpolated:
-            self._variance[self._interpolated] = 0.0  # their forces are interpolated
+        self._variance[self._interpolated] = 0.0  # their forces are interpolated
         usable = (
             None if estimator.valid and not self._faults.any_faulty else estimator.offset_known | self._interpolated
         )

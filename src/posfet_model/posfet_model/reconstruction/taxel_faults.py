@@ -30,6 +30,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core import scan_path
 from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model.reconstruction.telegraph_noise import TelegraphDetector
 from posfet_model.sensor.description import Sensor
@@ -109,7 +110,7 @@ class TaxelFaultSettings:
 
 
 class TaxelFaultDetector:
-    """Tests the taxels of one array block by block.
+    """Tests the taxels of one array block by block; the counts of each scan are added to `history`.
 
     State variables per taxel: status; length of the current run of constant counts, in scans [1] and time [s]; noise
     variance [counts2]; duration of each suspected fault and of the recovery [s].
@@ -140,10 +141,9 @@ class TaxelFaultDetector:
         self.any_faulty = bool(self.faulty.any())
         """Whether a taxel is faulty."""
         self._all = np.arange(taxels)
-        self._counts = np.zeros((MOST_SCANS + 2, taxels), np.uint16)
-        self._rows = list(self._counts)
-        self._close = np.zeros(len(self._rows), np.bool_)  # whether a scan closely follows that in the row before
-        self._filled = 0
+        self.history = scan_path.CountHistory(MOST_SCANS + 2, taxels)
+        """Counts of the last scans."""
+        self._counts, self._close = self.history.counts, self.history.close
         self._last = 0  # row of the last scan of the previous block
         self._elapsed = 0.0
         self._touched = np.zeros(taxels, np.bool_)  # since the last tests for noise and response, like the elapsed time
@@ -202,22 +202,6 @@ class TaxelFaultDetector:
         around = self.surroundings.max_neighbour(np.where(self.faulty, 0.0, self._level_overall))
         as_touch = self._level_overall <= np.maximum(most, self._settings.common_touch**2 * around)
         return noisy & (self._level <= most) & as_touch
-
-    def add_scan(self, counts: NDArray[np.uint16], close: bool) -> None:
-        """Keep the counts of a scan until the block ends.
-
-        Parameters
-        ----------
-        counts : ndarray of uint16, shape [rows * cols]
-            Counts of the scan.
-        close : bool
-            Whether at most a few scans were lost since the last one. Across a long gap counts change by more than their
-            noise, as charge leaks.
-        """
-        if self._filled < len(self._rows):
-            self._rows[self._filled][...] = counts
-            self._close[self._filled] = close
-            self._filled += 1
 
     def close_block(
         self,
@@ -303,17 +287,18 @@ class TaxelFaultDetector:
         self._last = max(self._filled - 1, 0)
 
     @property
+    def _filled(self) -> int:
+        """Number of scans that are kept."""
+        return self.history.filled
+
+    @property
     def _period_over(self) -> bool:
         """Whether the tests for noise and response are due."""
         return self._elapsed >= PERIOD or self._filled == len(self._counts)
 
     def _start_period(self) -> None:
         """Start the next period of the tests for noise and response."""
-        # The last two scans are kept, so that no difference is lost.
-        keep = min(self._filled, 2)
-        self._counts[:keep] = self._counts[self._filled - keep : self._filled]
-        self._close[:keep] = self._close[self._filled - keep : self._filled]
-        self._filled = keep
+        self.history.keep(2)  # so that no difference is lost
         self._elapsed = 0.0
         self._touched[:] = False
 

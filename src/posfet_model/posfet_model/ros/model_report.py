@@ -28,7 +28,7 @@ class ModelReport:
     """
 
     def __init__(self, model: Reconstructor, result: Reconstruction | None) -> None:
-        self.counts = model.counts.snapshot()
+        self.counts = model.counts
         """Numbers of scans and events."""
         self._saturated = result.saturated if result else 0
         self._unsettled, self._restarts, self._faulty = model.unsettled, model.restarts, model.faulty

@@ -10,38 +10,30 @@
 With a share c of each neighbour the signals are ``x = s + c*N s``, N the sum over the four neighbours. On a grid N
 separates into its two axes and is diagonalised by sines (discrete sine transform): the mode (j, k) of rows and columns
 has the gain ``1 + 2*c*(cos(pi*j/(rows + 1)) + cos(pi*k/(cols + 1)))``. The inverse is therefore one small matrix on
-either side of the map, or one dense matrix for a small array; both are exact. It is regularised by a limit on the gain:
-no mode is amplified more than twice, which shares up to 1/8 never reach. It is applied to the signals before leakage
-compensation, where it is linear whatever their sign.
+either side of the map, which is exact. It is regularised by a limit on the gain: no mode is amplified more than twice,
+which shares up to 1/8 never reach. It is applied to the signals before leakage compensation, where it is linear
+whatever their sign.
 
 The inverse does not know that the forces of a contact are not negative. `reconstruction.force_image.non_negative`
 enforces it afterwards, only on the taxels of a contact, and keeps their sum. The pressure spread by the elastomer skin
 is not crosstalk in this sense: it is part of the force on a taxel's cell.
+
+Compiled: `posfet_core`, crosstalk.hpp.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Final
-
-import numpy as np
-
-from posfet_model._lib.types import Array
+from posfet_core import scan_path
 from posfet_model._lib.validation import real_number
 from posfet_model.sensor.description import Layout
-
-DENSE: Final = 64
-"""Largest number of taxels for which one dense matrix is faster than four small ones.
-
-Measured by benchmarks/micro/crosstalk_methods.py.
-"""
-
-MAX_GAIN: Final = 2.0
-"""Largest amplification of a mode by the inverse [1]."""
+from posfet_model.sensor.grid import compiled_layout
 
 
-class CrosstalkCompensator:
+class CrosstalkCompensator(scan_path.CrosstalkCompensator):
     """Compensates the crosstalk of one array.
+
+    `apply` returns the signals with the crosstalk compensated, in their unit, shape [rows * cols]; `present` is whether
+    there is any.
 
     Parameters
     ----------
@@ -57,49 +49,4 @@ class CrosstalkCompensator:
     """
 
     def __init__(self, layout: Layout, share: float) -> None:
-        self._share = real_number("share", share, 0.0, 0.2)
-        self._shape = layout.rows, layout.cols
-        self._sines = tuple(_sines(size) for size in self._shape)
-        along, across = (2.0 * np.cos(np.pi * np.arange(1, size + 1) / (size + 1)) for size in self._shape)
-        mode_gain = 1.0 + self._share * (along[:, None] + across)
-        self._inverse_gain = 1.0 / np.maximum(mode_gain, 1.0 / MAX_GAIN)
-        self._work = np.zeros(self._shape), np.zeros(self._shape)
-        self._dense: Array | None = None
-        if layout.taxels <= DENSE:
-            modes = np.kron(*self._sines)
-            self._dense = (modes * self._inverse_gain.reshape(-1)) @ modes
-
-    @property
-    def present(self) -> bool:
-        """Whether there is crosstalk to compensate."""
-        return self._share > 0.0
-
-    def apply(self, signal: Array) -> Array:
-        """Return the signals with the crosstalk compensated.
-
-        Parameters
-        ----------
-        signal : ndarray
-            Signals with crosstalk, in any unit, shape [rows * cols].
-
-        Returns
-        -------
-        ndarray
-            Signals without crosstalk, in the same unit, shape [rows * cols].
-        """
-        if self._dense is not None:
-            return self._dense @ signal
-        (rows, cols), (one, other) = self._sines, self._work
-        np.matmul(rows, signal.reshape(self._shape), out=one)
-        np.matmul(one, cols, out=other)
-        other *= self._inverse_gain
-        np.matmul(rows, other, out=one)
-        compensated: Array = np.matmul(one, cols).reshape(-1)
-        return compensated
-
-
-def _sines(size: int) -> Array:
-    """Return the modes of a row of taxels, shape [size, size]; the matrix is symmetric and its own inverse."""
-    number = np.arange(1, size + 1)
-    modes: Array = math.sqrt(2.0 / (size + 1)) * np.sin(np.pi * np.outer(number, number) / (size + 1))
-    return modes
+        super().__init__(compiled_layout(layout), real_number("share", share, 0.0, 0.2))

@@ -22,7 +22,7 @@ from posfet_core import scan_path
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.grid import compiled_layout
 
-INTERPOLATION_UNCERTAINTY: Final = 0.2
+INTERPOLATION_UNCERTAINTY: Final = scan_path.INTERPOLATION_UNCERTAINTY
 """Relative standard uncertainty of an interpolated force [1]: 0.11 for spheres of 1.5 to 6 mm radius anywhere on a
 5 x 5 array, the rest for 5 % gain mismatch."""
 

@@ -274,10 +274,6 @@ class ForwardSignalChain:
         return result
 
 
-READING: Final = np.dtype([("charge", np.float64), ("saturated", np.bool_)], align=True)
-"""Meaning of a count: charge density sigma [C/m2], and whether it may have been clipped."""
-
-
 class InverseSignalChain:
     """Counts back to charge by lookup tables of all 65536 counts; the inverse of `ForwardSignalChain.counts`.
 
@@ -308,8 +304,6 @@ class InverseSignalChain:
             raise ValueError("adc.noise must leave a usable range between the ends of ADC and amplifier")
         self.charge_range = float(usable[0]), float(usable[-1])
         """Charge densities [C/m2] between which nothing is clipped."""
-        self._readings = np.zeros(len(volts), READING)
-        self._readings["charge"], self._readings["saturated"] = self._charge, self._saturated
 
     def charge(self, counts: NDArray[np.uint16], out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the charge density of each count.
@@ -328,22 +322,11 @@ class InverseSignalChain:
         """
         return self._charge.take(counts, out=out, mode="clip")
 
-    def read(self, counts: NDArray[np.uint16], out: NDArray[np.void]) -> NDArray[np.void]:
-        """Return charge density and saturation of each count in one lookup, which costs as much as one of them.
-
-        Parameters
-        ----------
-        counts : ndarray
-            Counts, uint16, any shape.
-        out : ndarray
-            Array for the result, of dtype `READING` and the same shape.
-
-        Returns
-        -------
-        ndarray
-            Charge density sigma [C/m2] and saturation.
-        """
-        return self._readings.take(counts, out=out, mode="clip")
+    @property
+    def saturated_counts(self) -> tuple[int, int]:
+        """Greatest saturated count at the low end, -1 for none, and least one at the high end, 65536 for none."""
+        usable = np.flatnonzero(~self._saturated)
+        return int(usable[0]) - 1, int(usable[-1]) + 1
 
     def saturated(self, counts: NDArray[np.uint16], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return where the voltage is so close to an end of the range that it may have been clipped.

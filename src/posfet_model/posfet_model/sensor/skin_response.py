@@ -13,6 +13,8 @@ with u = p/(2*sqrt(2)*s). Of all positions of the load, the centre of the cell g
 for what the cell itself gets: 2*q1/q0. A pressure is a sum of point loads, so that this holds for every touch, the
 sharpest tip included. At the edge of the array one of the two neighbours is missing, and a load beyond the centre of an
 outermost cell gives the other one almost nothing.
+
+Compiled: `posfet_core`, skin_response.hpp.
 """
 
 from __future__ import annotations
@@ -20,18 +22,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
-from posfet_model._lib.types import Array, Mask
+from posfet_core import scan_path
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.grid import neighbour_table
+from posfet_model.sensor.grid import compiled_layout
 
 LEAST_SPREAD: Final = 0.3
 """Spread of the elastomer skin from which a neighbour responds to every touch [pitch]."""
-
-CLEAR_SHARE: Final = 0.5
-"""Share of what the skin must let the neighbours feel below which they contradict a touch [1]: the rest is for gains
-and crosstalk that differ from their description."""
 
 
 def neighbour_share(pitch: float, spread: float) -> float:
@@ -56,8 +52,14 @@ def neighbour_share(pitch: float, spread: float) -> float:
     return 0.5 * (math.erf(3.0 * reach) - own) / own if own > 0.0 else 1.0
 
 
-class SkinResponse:
+class SkinResponse(scan_path.SkinResponse):
     """Tests whether the neighbours of taxels feel what the skin must let them feel of a touch.
+
+    `contradicts` takes the forces of all taxels or their changes, of either sign and in any unit, the variance of each,
+    the taxels whose forces are known, and the standard deviations by which the neighbours must miss what they had to
+    feel; and whether a single neighbour along an axis counts, too: for loads up to the centre of an outermost cell. It
+    returns the mask of the taxels whose neighbours feel clearly less than they must along some axis, and that of those
+    with neighbours enough along some axis. Along an axis on which a neighbour is not known, nothing is tested.
 
     Parameters
     ----------
@@ -67,50 +69,8 @@ class SkinResponse:
 
     def __init__(self, sensor: Sensor) -> None:
         layout, spread = sensor.layout, sensor.device.contact_spread
-        self._axes = [
-            (neighbour_table(layout, steps), neighbour_share(pitch, spread))
-            for steps, pitch in ((((0, -1), (0, 1)), layout.pitch_x), (((-1, 0), (1, 0)), layout.pitch_y))
-            if spread >= LEAST_SPREAD * pitch
-        ]
-        self._values = np.zeros((3, layout.taxels + 1))
-
-    def contradicts(
-        self, force: Array, variance: Array, sound: Mask, certainty: float, one_sided: bool = False
-    ) -> tuple[Mask, Mask]:
-        """Return where the neighbours contradict a touch, and where they could.
-
-        Parameters
-        ----------
-        force : ndarray of float64, shape [rows * cols]
-            Forces, or their changes, of either sign, in any unit.
-        variance : ndarray of float64, shape [rows * cols]
-            Variance of each, in that unit squared.
-        sound : ndarray of bool, shape [rows * cols]
-            Taxels whose forces are known. Along an axis on which a neighbour is not, nothing is tested.
-        certainty : float
-            Standard deviations by which the neighbours must miss what they had to feel [1].
-        one_sided : bool, optional
-            Whether a single neighbour along an axis counts, too: for loads up to the centre of an outermost cell.
-
-        Returns
-        -------
-        contradicted : ndarray of bool, shape [rows * cols]
-            Along some axis the neighbours feel clearly less than they must.
-        testable : ndarray of bool, shape [rows * cols]
-            There are neighbours enough along some axis.
-        """
-        values = self._values
-        values[0, :-1] = np.where(sound, force, 0.0)
-        values[1, :-1] = np.where(sound, variance, 0.0)
-        values[2, :-1] = sound
-        sign = np.sign(force)
-        contradicted, testable = np.zeros((2, len(force)), np.bool_)
-        for table, share in self._axes:
-            felt, uncertain, count = values[:, table].sum(axis=2)
-            informative = (count == (table < len(force)).sum(axis=1)) & (count >= (1 if one_sided else 2))
-            least = share * count * np.abs(force)
-            deviation = np.sqrt(uncertain + (share * count) ** 2 * variance)
-            missing = (sign * felt < CLEAR_SHARE * least) & (least - sign * felt > certainty * deviation)
-            contradicted |= informative & missing
-            testable |= informative
-        return contradicted, testable
+        share_x, share_y = (
+            neighbour_share(pitch, spread) if spread >= LEAST_SPREAD * pitch else math.nan
+            for pitch in (layout.pitch_x, layout.pitch_y)
+        )
+        super().__init__(compiled_layout(layout), share_x, share_y)

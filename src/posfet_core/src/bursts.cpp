@@ -1,0 +1,75 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/bursts.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "posfet_core/numbers.hpp"
+
+namespace posfet {
+
+BurstDetector::BurstDetector(const SkinResponse& skin, double least, double variance, double charge_per_newton)
+    : skin_(skin),
+      jumps_(skin.grid().taxels(), least),
+      least_(least),
+      scale_(charge_per_newton),
+      variance_(static_cast<std::size_t>(skin.grid().taxels()), variance),
+      limits_(variance_.size(), least),
+      sound_(variance_.size(), true) {}
+
+void BurstDetector::set_usual_change(const double* change) {
+  for (std::size_t taxel = 0; taxel < limits_.size(); ++taxel) {
+    limits_[taxel] = maximum(least_, kUsualChanges * scale_ * change[taxel]);
+  }
+  jumps_.set_limits(limits_.data());
+}
+
+bool BurstDetector::is_burst(const double* charge, std::uint64_t sequence, const bool* faulty) {
+  const bool adjacent = started_ && sequence_ != std::numeric_limits<std::uint64_t>::max() && sequence == sequence_ + 1;
+  started_ = true;
+  sequence_ = sequence;
+  if (!jumps_.examine(charge, adjacent, faulty)) {
+    return false;
+  }
+  const bool found = is_no_touch(faulty);
+  if (found) {
+    jumps_.refuse();
+  } else {
+    jumps_.accept();
+  }
+  return found;
+}
+
+/// Whether no touch can have caused the jump of the fresh taxels.
+bool BurstDetector::is_no_touch(const bool* faulty) {
+  const std::vector<double>& jump = jumps_.jump();
+  std::size_t count = 0;
+  bool all_fresh = true;
+  double least = std::numeric_limits<double>::infinity();
+  double greatest = -least;
+  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
+    sound_[taxel] = !faulty[taxel];
+    if (sound_[taxel]) {
+      ++count;
+      all_fresh = all_fresh && jumps_.fresh()[taxel] != 0;
+      least = std::min(least, jump[taxel]);
+      greatest = std::max(greatest, jump[taxel]);
+    }
+  }
+  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
+    if (jumps_.fresh()[taxel] != 0 &&
+        skin_.test(static_cast<Taxel>(taxel), jump.data(), variance_.data(), sound_.data(), kBurstCertainty, true)
+            .contradicted) {
+      return true;
+    }
+  }
+  return count >= kFewestOfBurst && all_fresh && std::min(least / greatest, greatest / least) >= kEvenly;
+}
+
+}  // namespace posfet

@@ -1,0 +1,21 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Parts of the Python module posfet_core.scan_path, each defined in a file of its own.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace posfet {
+
+/// Charges and forces of a scan: scan clock, crosstalk, bursts, hum, integration, history of the counts.
+void bind_scan_parts(const pybind11::module_& module);
+
+/// The whole path, and the serialised message.
+void bind_scan_path(const pybind11::module_& module);
+
+}  // namespace posfet
