@@ -9,6 +9,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
@@ -17,7 +19,7 @@ from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_sim.emulation.backlog import first_due
+from posfet_sim.emulation.backlog import AT_ONCE, first_due
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.fake_board import with_fd
 
@@ -110,13 +112,14 @@ def test_a_short_delay_of_the_emulation_loses_no_scan_and_flags_those_that_are_l
     start(firmware, 0)
     received(decoder, firmware.due(0), 0)
     now, parts, scans, flags = 400 * MILLISECOND, 0, [], []
+    at_once = round(AT_ONCE * SECOND / MILLISECOND) + 1
     while firmware.next_due() <= now:
         more, states = received(decoder, first_due(firmware, now), now)
         scans, flags, parts = scans + more, flags + states, parts + 1
-        assert len(more) <= (51 if fd else 51 + 32)  # a command is looked for between two parts
+        assert len(more) <= at_once + (0 if fd else 32)  # a command is looked for between two parts
     assert board.indices == list(range(401))
     assert (firmware.missed, decoder.statistics.lost_scans) == (0, 0)
-    assert parts == 8
+    assert parts == math.ceil(401 / at_once)
     assert flags == [ScanStatus.SCAN_OVERRUN] * 3 + [0]
     if fd:
         assert [bool(status) for _, status in scans] == [sequence < 300 for sequence, _ in scans]

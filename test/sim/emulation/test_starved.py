@@ -79,6 +79,12 @@ def judge(arrivals: list[Arrival], relieved: int, bound: int) -> None:
     assert [each.sequence for each in steady] == list(range(steady[0].sequence, steady[-1].sequence + 1))
 
 
+def longest_gap(arrivals: list[Arrival]) -> int:
+    """Return the longest interval between scans of the second half of the starved time [ns]."""
+    starved = [each.due for each in arrivals if STARVED / 2 < each.at <= STARVED]
+    return max(later - earlier for earlier, later in itertools.pairwise(starved))
+
+
 @pytest.mark.parametrize("cost", COSTS.values(), ids=COSTS)
 def test_the_board_in_this_process(cost: int) -> None:
     clock = SteppedClock(0, 0)
@@ -94,8 +100,7 @@ def test_the_board_in_this_process(cost: int) -> None:
     judge(arrivals, STARVED, round(LONGEST_BACKLOG * SECOND))
     assert all(each.late for each in arrivals if each.delay > LATE * SECOND)
     if cost == COSTS["a fifth"]:
-        starved = [each.due for each in arrivals if STARVED / 2 < each.at <= STARVED]
-        assert max(later - earlier for earlier, later in itertools.pairwise(starved)) <= LONGEST_GAP
+        assert longest_gap(arrivals) <= LONGEST_GAP
     lost = arrivals[-1].sequence + 1 - len(arrivals)
     assert lost > 0
     assert source.report().fault_counts == {FaultKind.SCAN_OVERRUN: lost}
@@ -141,6 +146,8 @@ def test_the_board_behind_an_adapter_or_on_a_bus(cost: int, fd: bool) -> None:
     at_once = round(AT_ONCE * SECOND / PERIOD) + 1
     assert turns <= at_once * cost, "a command waits no longer"
     judge(arrivals, STARVED, round(LONGEST_BACKLOG * SECOND) + at_once * cost)
+    if cost == COSTS["a fifth"] and fd:
+        assert longest_gap(arrivals) <= at_once * cost
     assert firmware.missed > 0
     if fd:  # of classic frames, those of a scan without a header are lost besides
         assert firmware.missed == arrivals[-1].sequence + 1 - len(arrivals) == decoder.statistics.lost_scans

@@ -37,7 +37,7 @@ from posfet_driver.protocol.scan_codec import HEADER_SCANS, SEQUENCE, make_codec
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG
+from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG, STOPPED
 
 FIRMWARE_VERSION: Final = (1, 0)
 """Version of the simulated firmware: major, minor."""
@@ -51,6 +51,7 @@ _STATUS_PER_IDENTITY: Final = round(IDENTITY_PERIOD / STATUS_PERIOD)
 _STATUS_INTERVAL: Final = round(STATUS_PERIOD * NANOSECONDS)
 _LATE: Final = round(LATE * NANOSECONDS)
 _LONGEST_BACKLOG: Final = round(LONGEST_BACKLOG * NANOSECONDS)
+_STOPPED: Final = round(STOPPED * NANOSECONDS)
 
 
 def with_whole_period(sensor: Sensor) -> Sensor:
@@ -161,7 +162,8 @@ class BoardFirmware:
     def due(self, now: int, until: int | None = None) -> list[Frame]:
         """Return the frames that are due at `now` [ns], in the order in which they are sent.
 
-        When the first scan is later than LONGEST_BACKLOG, all but the newest are missed, and so are status frames.
+        Scans in FD frames that are later than LONGEST_BACKLOG are missed. Of those in classic frames, which after a gap
+        only a header numbers, all but the newest are missed then; so are status frames, and after a stop all scans.
 
         Parameters
         ----------
@@ -177,8 +179,9 @@ class BoardFirmware:
         """
         if now - self._status_due() > _LONGEST_BACKLOG:
             self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
-        if self.running and now - self._tick() > _LONGEST_BACKLOG:
-            self._miss(now)
+        late = now - self._tick()
+        if self.running and late > _LONGEST_BACKLOG:
+            self._miss(now - _LONGEST_BACKLOG if self._codec.fd and late <= _STOPPED else now)
         end = now if until is None else max(until, min(self.next_due(), now))
         frames: list[Frame] = []
         while self.next_due() <= end:
@@ -256,9 +259,9 @@ class BoardFirmware:
         """Return the time of the next tick of the scan timer [ns]."""
         return self.switched_on + self._position * self._shortest_period * MICROSECOND
 
-    def _miss(self, now: int) -> None:
-        """Miss the scans that are due at `now` [ns], but for the newest."""
-        ticks = (now - self._tick()) // (self._step * self._shortest_period * MICROSECOND)
+    def _miss(self, until: int) -> None:
+        """Miss the scans that are due by `until` [ns], but for the newest of them."""
+        ticks = (until - self._tick()) // (self._step * self._shortest_period * MICROSECOND)
         if ticks > 0:
             self._position += ticks * self._step
             self._sequence += ticks

@@ -31,10 +31,9 @@ class SimulationSource:
 
     The next scan is computed while the reader waits for it. A late reader gets the scans that are due one after the
     other, with STATUS_SCAN_OVERRUN from a delay of LATE on. Those later than LONGEST_BACKLOG are missed, which is
-    counted: a machine that is too slow thins the scans out, and forces can be followed across many short gaps, not across
-    a few long ones. After a stop, all but the newest are missed. The stamps are the sampling times. Scans that the
-    board's link loses are missing, duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film
-    does not remember the loads before; the first scan says so.
+    counted; after a stop, all but the newest. The stamps are the sampling times. Scans that the board's link loses are
+    missing, duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film does not remember the
+    loads before; the first scan says so.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ import secrets
 import select
 import threading
 import tty
+from collections import deque
 from pathlib import Path
 from typing import Final
 
@@ -46,9 +47,9 @@ class EmulatedAdapter:
 
     Commands as in LAWICEL's manual and CANable's firmware: O L C (open, listen only, close), S Y (bitrates), V N F
     (version, serial number, status), and frames t T r R d D b B. Settings without a meaning for an emulation are
-    accepted. While the terminal is not read for LONGEST_BACKLOG, frames are lost, those of a scan all together; F then
-    states an overflow, once. Not emulated: transmission time on the bus, arbitration, bus errors, other nodes, and the
-    time stamps of command Z, which is refused.
+    accepted. While what waits for the terminal's reader is older than LONGEST_BACKLOG, frames are lost, those of a scan
+    all together; F then states an overflow, once. Not emulated: transmission time on the bus, arbitration, bus errors,
+    other nodes, and the time stamps of command Z, which is refused.
 
     Parameters
     ----------
@@ -77,7 +78,8 @@ class EmulatedAdapter:
         self._clock = clock or SystemClock()
         self._reader = LineReader()
         self._output = bytearray()
-        self._emptied = 0  # time at which all output was last read [ns]
+        self._written = 0  # bytes written to the terminal, in all
+        self._waiting: deque[tuple[int, int]] = deque()  # time [ns] and end of each part of the output, in such bytes
         self._read = True  # whether the terminal is read, so that output is accepted
         self._overflowed = False  # since the last answer to F
         self._channel_open = False
@@ -144,7 +146,7 @@ class EmulatedAdapter:
             os.close(self._lock)
             self._lock = None
         self._channel_open = False
-        self._output.clear()
+        self._discard()
         self._reader.clear()
 
     def _run(self, master: int) -> None:
@@ -164,14 +166,14 @@ class EmulatedAdapter:
             if wake in readable:
                 return
             now = self._clock.monotonic()
-            if not self._output:
-                self._emptied = now
-            self._read = now - self._emptied <= LONGEST_BACKLOG * NANOSECONDS
+            self._read = not self._waiting or now - self._waiting[0][0] <= LONGEST_BACKLOG * NANOSECONDS
             for frame in first_due(self._node, now):  # a board has sent it when a command comes that it answers
                 self._send(frame)
             if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
                     self._execute(line, now)
+            if self._output:
+                self._waiting.append((now, self._written + len(self._output)))
             self._flush(master)
 
     def _execute(self, line: bytes, now: int) -> None:
@@ -184,7 +186,7 @@ class EmulatedAdapter:
         elif letter == b"C":
             self._channel_open = False
             self._set_speeds.clear()
-            self._output.clear()
+            self._discard()
             self._reply(END)
         elif letter in {b"", b"S", b"s", b"Y"}:
             self._set_speeds.add(line)
@@ -226,12 +228,20 @@ class EmulatedAdapter:
         self._output += encode_line(frame)
         self.frames_sent += 1
 
+    def _discard(self) -> None:
+        self._output.clear()
+        self._waiting.clear()
+
     def _flush(self, master: int) -> None:
         while self._output:
             try:
-                del self._output[: os.write(master, self._output)]
+                written = os.write(master, self._output)
             except BlockingIOError:
                 return
+            del self._output[:written]
+            self._written += written
+            while self._waiting and self._waiting[0][1] <= self._written:
+                self._waiting.popleft()
 
 
 _ANSWERS: Final = {b"V": b"V1013\r", b"N": b"NPSFT\r"}
