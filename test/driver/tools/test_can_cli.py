@@ -78,7 +78,9 @@ def test_list_reports_why_an_adapter_is_unusable(
     monkeypatch.setattr(list_boards, "SERIAL_PORTS", (str(tmp_path / "tty*"),))
     monkeypatch.setattr(can_interface, "NETWORK_DEVICES", tmp_path / "net")
     assert main(["list"]) == 0
-    assert "no adapter found" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert "no adapter found" in output
+    assert "posfet can list -i emulator" in output
     (tmp_path / "ttyACM0").touch()
     (tmp_path / "net" / "can7").mkdir(parents=True)
     (tmp_path / "net" / "can7" / "type").write_text("280\n")

@@ -133,6 +133,7 @@ def run_list(options: argparse.Namespace) -> int:
             console.print(reason, soft_wrap=True)  # whole: it may hold a command to be copied
     else:
         console.print("no adapter found: no CAN network device, no /dev/ttyACM*, no /dev/ttyUSB*")
+        console.print(f"A simulated board needs none: posfet can list -i {EMULATOR}")
     return 0
 
 
