@@ -20,7 +20,7 @@ constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
 /// Rows that were added so far, with the dual prices under which they are assigned at least cost.
 class Assignment {
 public:
-  Assignment(const std::vector<std::vector<double>>& costs, double unassigned_cost)
+  Assignment(const Vector<Vector<double>>& costs, double unassigned_cost)
       : costs_(costs),
         unassigned_cost_(unassigned_cost),
         given_(costs.front().size()),
@@ -31,10 +31,10 @@ public:
   /// Add a row along the shortest augmenting path.
   void add(std::size_t added) {
     const std::size_t columns = owner_.size();
-    std::vector<double> least(columns, std::numeric_limits<double>::infinity());
-    std::vector<std::size_t> before(columns, kNobody);
-    std::vector<std::size_t> reached;
-    std::vector<std::size_t> left(columns);
+    Vector<double> least(columns, std::numeric_limits<double>::infinity());
+    Vector<std::size_t> before(columns, kNobody);
+    Vector<std::size_t> reached;
+    Vector<std::size_t> left(columns);
     for (std::size_t column = 0; column < columns; ++column) {
       left[column] = column;
     }
@@ -59,8 +59,8 @@ public:
     }
   }
 
-  std::vector<Pair> pairs() const {
-    std::vector<Pair> found;
+  Vector<Pair> pairs() const {
+    Vector<Pair> found;
     for (std::size_t column = 0; column < given_; ++column) {
       if (owner_[column] != kNobody) {
         found.emplace_back(static_cast<int>(owner_[column]), static_cast<int>(column));
@@ -76,8 +76,8 @@ private:
     return column < given_ ? costs_[row][column] : unassigned_cost_;
   }
 
-  void reprice(std::size_t added, double step, const std::vector<std::size_t>& reached,
-               const std::vector<std::size_t>& left, std::vector<double>& least) {
+  void reprice(std::size_t added, double step, const Vector<std::size_t>& reached, const Vector<std::size_t>& left,
+               Vector<double>& least) {
     row_prices_[added] += step;
     for (const std::size_t column : reached) {
       row_prices_[owner_[column]] += step;
@@ -88,17 +88,17 @@ private:
     }
   }
 
-  const std::vector<std::vector<double>>& costs_;
+  const Vector<Vector<double>>& costs_;
   double unassigned_cost_;
   std::size_t given_;
-  std::vector<double> row_prices_;
-  std::vector<double> prices_;
-  std::vector<std::size_t> owner_;
+  Vector<double> row_prices_;
+  Vector<double> prices_;
+  Vector<std::size_t> owner_;
 };
 
 }  // namespace
 
-std::vector<Pair> minimum_cost_assignment(const std::vector<std::vector<double>>& costs, double unassigned_cost) {
+Vector<Pair> minimum_cost_assignment(const Vector<Vector<double>>& costs, double unassigned_cost) {
   if (costs.empty()) {
     return {};
   }

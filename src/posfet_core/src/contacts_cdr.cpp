@@ -49,7 +49,7 @@ ContactsWriter::ContactsWriter(ContactsHeader header)
     : header_(std::move(header)), flat_(std::isinf(header_.surface.radius)) {}
 
 const std::vector<std::uint8_t>& ContactsWriter::write(std::int64_t stamp, std::uint64_t sequence, bool valid,
-                                                       const std::vector<Contact>& contacts, bool shows_released,
+                                                       const Vector<Contact>& contacts, bool shows_released,
                                                        const Motions& motions) {
   const auto is_shown = [&](const Contact& contact) {
     return shows_released || contact.state != ContactState::kReleased;
@@ -101,7 +101,7 @@ void ContactsWriter::write_contact(const Contact& contact, const Motion& motion)
 void ContactsWriter::write_geometry(const Contact& contact) {
   const Region& region = contact.region;
   const Point& centre = region.centre_of_pressure;
-  const Vector outward = normal(centre);
+  const Spatial outward = normal(centre);
   const double variance = std::isnan(region.force_variance) ? 0.0 : region.force_variance;
   put_vector(point(centre));
   put_vector(point(region.geometric_centre));
@@ -119,7 +119,7 @@ void ContactsWriter::write_geometry(const Contact& contact) {
   put_float(region.peak_pressure);
   put_vector(along(centre, region.axes.major));
   put_vector(along(centre, region.axes.minor));
-  Vector velocity = along(centre, contact.velocity);
+  Spatial velocity = along(centre, contact.velocity);
   if (flat_ && std::isnan(contact.velocity.x)) {
     velocity.z = contact.velocity.x;
   }
@@ -127,7 +127,7 @@ void ContactsWriter::write_geometry(const Contact& contact) {
 }
 
 /// Coordinates in space of a point of the surface [m].
-ContactsWriter::Vector ContactsWriter::point(const Point& at) const {
+ContactsWriter::Spatial ContactsWriter::point(const Point& at) const {
   if (flat_) {
     return {at.x, at.y, 0.0};
   }
@@ -135,28 +135,28 @@ ContactsWriter::Vector ContactsWriter::point(const Point& at) const {
   const double half = std::sin(0.5 * tilt(at));
   const double out = radius * std::sin(tilt(at));
   const double down = -2.0 * radius * (half * half);
-  return header_.surface.axis_x ? Vector{at.x, out, down} : Vector{out, at.y, down};
+  return header_.surface.axis_x ? Spatial{at.x, out, down} : Spatial{out, at.y, down};
 }
 
 /// Components in space of a vector that is tangent to the surface at a point.
-ContactsWriter::Vector ContactsWriter::along(const Point& at, const Point& vector) const {
+ContactsWriter::Spatial ContactsWriter::along(const Point& at, const Point& vector) const {
   if (flat_) {
     return {vector.x, vector.y, 0.0};
   }
   const double sine = std::sin(tilt(at));
   const double cosine = std::cos(tilt(at));
-  return header_.surface.axis_x ? Vector{vector.x, vector.y * cosine, -vector.y * sine}
-                                : Vector{vector.x * cosine, vector.y, -vector.x * sine};
+  return header_.surface.axis_x ? Spatial{vector.x, vector.y * cosine, -vector.y * sine}
+                                : Spatial{vector.x * cosine, vector.y, -vector.x * sine};
 }
 
 /// Outward unit normal at a point.
-ContactsWriter::Vector ContactsWriter::normal(const Point& at) const {
+ContactsWriter::Spatial ContactsWriter::normal(const Point& at) const {
   if (flat_) {
     return {0.0, 0.0, 1.0};
   }
   const double sine = std::sin(tilt(at));
   const double cosine = std::cos(tilt(at));
-  return header_.surface.axis_x ? Vector{0.0, sine, cosine} : Vector{sine, 0.0, cosine};
+  return header_.surface.axis_x ? Spatial{0.0, sine, cosine} : Spatial{sine, 0.0, cosine};
 }
 
 /// Angle between z and the normal at a point [rad].
@@ -179,7 +179,7 @@ void ContactsWriter::put_float(double number) {
            : std::copysign(std::numeric_limits<float>::infinity(), static_cast<float>(number > 0.0 ? 1.0 : -1.0)));
 }
 
-void ContactsWriter::put_vector(const Vector& vector) {
+void ContactsWriter::put_vector(const Spatial& vector) {
   put(vector.x);
   put(vector.y);
   put(vector.z);

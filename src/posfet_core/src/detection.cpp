@@ -42,8 +42,8 @@ bool all(const bool* flags, const Taxels& taxels) {
 }
 
 /// The number of the contact with the greatest share in each member; the first one of equal ones.
-std::vector<std::size_t> owners(const Shares& shares) {
-  std::vector<std::size_t> owner(shares.front().size(), 0);
+Vector<std::size_t> owners(const Shares& shares) {
+  Vector<std::size_t> owner(shares.front().size(), 0);
   for (std::size_t member = 0; member < owner.size(); ++member) {
     for (std::size_t contact = 1; contact < shares.size(); ++contact) {
       owner[member] = shares[contact][member] > shares[owner[member]][member] ? contact : owner[member];
@@ -68,8 +68,8 @@ std::size_t ContactFinder::find(const double* force) {
   return footprints_.size();
 }
 
-std::vector<Region> ContactFinder::measure(const ForceEstimate& taxels, const KnownRegions& before) {
-  std::vector<Region> found;
+Vector<Region> ContactFinder::measure(const ForceEstimate& taxels, const KnownRegions& before) {
+  Vector<Region> found;
   patches_.clear();
   thresholds_.raise_recent(taxels.force);
   for (const Footprint& footprint : footprints_) {
@@ -83,12 +83,12 @@ std::vector<Region> ContactFinder::measure(const ForceEstimate& taxels, const Kn
 }
 
 void ContactFinder::measure_region(const Footprint& footprint, Taxels listed, const ForceEstimate& taxels,
-                                   const KnownRegions& before, std::vector<Region>& found) {
+                                   const KnownRegions& before, Vector<Region>& found) {
   const Patch patch = this->patch(footprint, taxels);
   KnownRegions known;
   std::copy_if(before.begin(), before.end(), std::back_inserter(known),
                [&](const Region* region) { return intersect(region->touched, footprint.region); });
-  std::vector<Point> positions;
+  Vector<Point> positions;
   std::transform(known.begin(), known.end(), std::back_inserter(positions),
                  [](const Region* region) { return region->centre_of_pressure; });
   int iterations = kIterations;
@@ -97,7 +97,7 @@ void ContactFinder::measure_region(const Footprint& footprint, Taxels listed, co
   if (known.size() < 2 ||
       !std::all_of(known.begin(), known.end(), [](const Region* each) { return each->separated; })) {
     whole = measure_part(patch, patch.weight, patch.highest, listed, footprint.region, false);
-    std::vector<Point> peaks = this->peaks(*whole, patch, known.size() > 1);
+    Vector<Point> peaks = this->peaks(*whole, patch, known.size() > 1);
     separated = known.size() < 2 || peaks.size() >= known.size() || !is_unresolvable(known, patch);
     if (separated && peaks.size() != known.size()) {
       positions = std::move(peaks);
@@ -118,7 +118,7 @@ void ContactFinder::measure_region(const Footprint& footprint, Taxels listed, co
 }
 
 ContactFinder::Patch ContactFinder::patch(const Footprint& footprint, const ForceEstimate& taxels) const {
-  std::vector<double> weight;
+  Vector<double> weight;
   weight.reserve(footprint.members.size());
   Taxels counted;
   counted.reserve(footprint.members.size());
@@ -154,7 +154,7 @@ Taxels ContactFinder::listed(const Footprint& footprint, const ForceEstimate& ta
 }
 
 /// Positions [m] of the peaks that saddles separate in a region; empty when it is one contact.
-std::vector<Point> ContactFinder::peaks(const Region& whole, const Patch& patch, bool were_apart) const {
+Vector<Point> ContactFinder::peaks(const Region& whole, const Patch& patch, bool were_apart) const {
   if (std::hypot(whole.axes.major.x, whole.axes.major.y) < saddles_.least_major_axis()) {
     return {};
   }
@@ -173,12 +173,12 @@ bool ContactFinder::is_unresolvable(const KnownRegions& known, const Patch& patc
 
 /// Measure the contacts of one region by their shares; each taxel is listed by the contact with most of it.
 void ContactFinder::measure_parts(const Patch& patch, const Shares& shares, const Taxels& listed, bool separated,
-                                  std::vector<Region>& found) {
-  const std::vector<std::size_t> owner = owners(shares);
+                                  Vector<Region>& found) {
+  const Vector<std::size_t> owner = owners(shares);
   const Taxels& members = patch.footprint.members;
   for (std::size_t contact = 0; contact < shares.size(); ++contact) {
     Taxels owned;
-    std::vector<double> weight(members.size());
+    Vector<double> weight(members.size());
     for (std::size_t member = 0; member < members.size(); ++member) {
       weight[member] = shares[contact][member] * patch.weight[member];
       if (owner[member] == contact) {
@@ -196,7 +196,7 @@ void ContactFinder::measure_parts(const Patch& patch, const Shares& shares, cons
 
 /// Measure a contact by its part of the members' forces [N]; `listed` are the taxels that it lists, `touched` all of
 /// its taxels.
-Region ContactFinder::measure_part(const Patch& patch, const std::vector<double>& weight, double highest, Taxels listed,
+Region ContactFinder::measure_part(const Patch& patch, const Vector<double>& weight, double highest, Taxels listed,
                                    Taxels touched, bool separated) {
   Outline shape = outline(grid_, std::move(listed));
   const double peak = greatest(patch.taxels.force, shape.taxels);

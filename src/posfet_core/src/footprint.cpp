@@ -27,8 +27,8 @@ void claim(Taxel& owner, Taxel region) {
 }
 
 /// The only region that contains each taxel or borders on it; `kNone` or `kSeveral` where that is not one.
-std::vector<Taxel> owners(const Grid& grid, const std::vector<Taxels>& regions) {
-  std::vector<Taxel> owner(static_cast<std::size_t>(grid.taxels()), kNone);
+Vector<Taxel> owners(const Grid& grid, const Vector<Taxels>& regions) {
+  Vector<Taxel> owner(static_cast<std::size_t>(grid.taxels()), kNone);
   for (std::size_t number = 0; number < regions.size(); ++number) {
     for (const Taxel taxel : regions[number]) {
       claim(owner[static_cast<std::size_t>(taxel)], static_cast<Taxel>(number));
@@ -60,8 +60,8 @@ Taxels component_from(const Grid& grid, Mask& left, Taxel first) {
 
 }  // namespace
 
-std::vector<Taxels> connected_components(const Grid& grid, const Mask& mask) {
-  std::vector<Taxels> found;
+Vector<Taxels> connected_components(const Grid& grid, const Mask& mask) {
+  Vector<Taxels> found;
   Mask left = mask;
   for (Taxel taxel = 0; taxel < grid.taxels(); ++taxel) {
     if (left[static_cast<std::size_t>(taxel)]) {
@@ -71,13 +71,13 @@ std::vector<Taxels> connected_components(const Grid& grid, const Mask& mask) {
   return found;
 }
 
-std::vector<Footprint> footprints(const Grid& grid, const Mask& mask) {
-  std::vector<Taxels> regions = connected_components(grid, mask);
-  std::vector<Footprint> found(regions.size());
+Vector<Footprint> footprints(const Grid& grid, const Mask& mask) {
+  Vector<Taxels> regions = connected_components(grid, mask);
+  Vector<Footprint> found(regions.size());
   if (regions.empty()) {
     return found;
   }
-  const std::vector<Taxel> owner = owners(grid, regions);
+  const Vector<Taxel> owner = owners(grid, regions);
   for (Taxel taxel = 0; taxel < grid.taxels(); ++taxel) {
     const Taxel number = owner[static_cast<std::size_t>(taxel)];
     if (number >= 0) {

@@ -9,10 +9,20 @@
 
 namespace posfet {
 
+namespace {
+
+/// Number of sums that are kept at most.
+constexpr std::size_t kMostSums = 64;
+
+}  // namespace
+
 double ForceEstimate::variance_of_sum(const Taxels& taxels) const {
   const auto known = sums_.find(taxels);
   if (known != sums_.end()) {
     return known->second;
+  }
+  if (sums_.size() >= kMostSums) {
+    sums_.clear();
   }
   return sums_.emplace(taxels, computed_variance_of_sum(taxels)).first->second;
 }

@@ -49,7 +49,7 @@ MomentFinder::MomentFinder(const Grid& grid, double spread) : grid_(grid) {
               std::vector<double>(static_cast<std::size_t>(layout.rows))};
 }
 
-Moments MomentFinder::of(const Footprint& footprint, const std::vector<double>& weight) {
+Moments MomentFinder::of(const Footprint& footprint, const Vector<double>& weight) {
   double total = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
   for (std::size_t member = 0; member < weight.size(); ++member) {
     const Point& at = grid_.position(footprint.members[member]);
@@ -70,7 +70,7 @@ Moments MomentFinder::of(const Footprint& footprint, const std::vector<double>& 
   return found;
 }
 
-void MomentFinder::fill_profiles(const Footprint& footprint, const std::vector<double>& weight) {
+void MomentFinder::fill_profiles(const Footprint& footprint, const Vector<double>& weight) {
   std::fill(along_x_.values.begin(), along_x_.values.end(), 0.0);
   std::fill(along_y_.values.begin(), along_y_.values.end(), 0.0);
   for (std::size_t member = 0; member < weight.size(); ++member) {

@@ -83,7 +83,7 @@ inline py::dict to_python(const Motions& motions) {
 
 /// A tuple with each object of a vector.
 template <typename Value>
-py::tuple tuple_of(const std::vector<Value>& values) {
+py::tuple tuple_of(const Vector<Value>& values) {
   py::tuple made(values.size());
   for (std::size_t index = 0; index < values.size(); ++index) {
     made[index] = to_python(values[index]);
@@ -149,8 +149,8 @@ inline Motion motion_from(const py::handle& object) {
   return {py::cast<double>(fields[0]), py::cast<bool>(fields[1]), py::cast<double>(fields[2])};
 }
 
-inline std::vector<Region> regions_from(const py::sequence& objects) {
-  std::vector<Region> regions;
+inline Vector<Region> regions_from(const py::sequence& objects) {
+  Vector<Region> regions;
   for (const py::handle& object : objects) {
     regions.push_back(region_from(object));
   }

@@ -69,7 +69,7 @@ private:
 };
 
 py::tuple measure(ContactFinder& finder, const PythonForceEstimate& taxels, const py::sequence& before) {
-  const std::vector<Region> regions = regions_from(before);
+  const Vector<Region> regions = regions_from(before);
   KnownRegions known;
   for (const Region& region : regions) {
     known.push_back(&region);

@@ -138,7 +138,7 @@ py::bytes write_scan(ContactsWriter& writer, const ScanPath& path) {
 
 py::bytes write_contacts(ContactsWriter& writer, const py::int_& stamp, const py::int_& sequence, bool valid,
                          const py::sequence& contacts, const py::dict& motions) {
-  std::vector<Contact> listed;
+  Vector<Contact> listed;
   std::transform(contacts.begin(), contacts.end(), std::back_inserter(listed), contact_from);
   Motions known;
   for (const auto& [id, motion] : motions) {

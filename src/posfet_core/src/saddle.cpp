@@ -32,10 +32,14 @@ public:
 
   /// Peaks that are left, as taxels, ascending.
   Taxels peaks() {
-    std::vector<std::size_t> order(region_.size());
+    Vector<std::size_t> order(region_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t one, std::size_t other) { return values_[one] > values_[other]; });
+    // The first of equal ones first.
+    std::sort(order.begin(), order.end(), [&](std::size_t one, std::size_t other) {
+      const bool higher = values_[one] > values_[other] || (std::isnan(values_[other]) && !std::isnan(values_[one]));
+      const bool lower = values_[one] < values_[other] || (std::isnan(values_[one]) && !std::isnan(values_[other]));
+      return higher || (!lower && one < other);
+    });
     for (const std::size_t place : order) {
       flood(place);
     }
@@ -77,10 +81,12 @@ private:
   }
 
   void flood(std::size_t here) {
-    std::vector<Saddle> saddles = saddles_beside(here);
+    Vector<Saddle> saddles = saddles_beside(here);
     basin_[here] = here;
-    std::stable_sort(saddles.begin(), saddles.end(),
-                     [](const Saddle& one, const Saddle& other) { return one.height > other.height; });
+    const auto higher = [](const Saddle& one, const Saddle& other) { return one.height > other.height; };
+    for (auto at = saddles.begin(); at != saddles.end(); ++at) {  // stable, and without memory
+      std::rotate(std::upper_bound(saddles.begin(), at, *at, higher), at, at + 1);
+    }
     for (const Saddle& saddle : saddles) {
       std::size_t low = saddle.peak;
       std::size_t high = basin_[here];
@@ -93,8 +99,8 @@ private:
     }
   }
 
-  std::vector<Saddle> saddles_beside(std::size_t here) const {
-    std::vector<Saddle> saddles;
+  Vector<Saddle> saddles_beside(std::size_t here) const {
+    Vector<Saddle> saddles;
     const auto& around = grid_.neighbours(region_[here]);
     for (std::size_t direction = 0; direction < around.size(); ++direction) {
       const std::size_t other = around[direction] == Grid::kOutside ? region_.size() : place(around[direction]);
@@ -131,8 +137,8 @@ private:
   const Taxels& region_;
   const double* force_;
   Limits limits_;
-  std::vector<double> values_;      ///< Force of each taxel of the region [N].
-  std::vector<std::size_t> basin_;  ///< Peak to which each belongs.
+  Vector<double> values_;      ///< Force of each taxel of the region [N].
+  Vector<std::size_t> basin_;  ///< Peak to which each belongs.
 };
 
 SaddleFinder::SaddleFinder(const Grid& grid, double spread, double threshold) : grid_(grid), threshold_(threshold) {
@@ -141,8 +147,8 @@ SaddleFinder::SaddleFinder(const Grid& grid, double spread, double threshold) : 
   least_major_axis_ = std::sqrt(width + kElongation * (pitch * pitch));
 }
 
-std::vector<Point> SaddleFinder::peaks(const Footprint& footprint, const double* force, const bool* interpolated,
-                                       bool were_apart) const {
+Vector<Point> SaddleFinder::peaks(const Footprint& footprint, const double* force, const bool* interpolated,
+                                  bool were_apart) const {
   const Taxels& region = footprint.region;
   if (region.size() > kLargest || (interpolated == nullptr && has_one_peak(region, force))) {
     return {};
@@ -153,7 +159,7 @@ std::vector<Point> SaddleFinder::peaks(const Footprint& footprint, const double*
   if (found.size() < 2 || has_hole(footprint.members, force)) {
     return {};
   }
-  std::vector<Point> positions;
+  Vector<Point> positions;
   std::transform(found.begin(), found.end(), std::back_inserter(positions),
                  [&](Taxel taxel) { return grid_.position(taxel); });
   return positions;

@@ -26,9 +26,9 @@ Mixture::Mixture(const Grid& grid, double spread, double threshold) : grid_(grid
             spread * spread + layout.pitch_y * layout.pitch_y / 12.0};
 }
 
-std::optional<Shares> Mixture::shares(const std::vector<Point>& positions, const Taxels& members,
-                                      const std::vector<double>& weight, int iterations) const {
-  std::vector<Component> components = initial(positions, members, weight);
+std::optional<Shares> Mixture::shares(const Vector<Point>& positions, const Taxels& members,
+                                      const Vector<double>& weight, int iterations) const {
+  Vector<Component> components = initial(positions, members, weight);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     components = updated(components, members, weight);
     if (components.size() < 2) {
@@ -43,9 +43,9 @@ std::optional<Shares> Mixture::shares(const std::vector<Point>& positions, const
 }
 
 /// Components at given positions, each with the force of the members nearest to it.
-std::vector<Mixture::Component> Mixture::initial(const std::vector<Point>& positions, const Taxels& members,
-                                                 const std::vector<double>& weight) const {
-  std::vector<Component> components;
+Vector<Mixture::Component> Mixture::initial(const Vector<Point>& positions, const Taxels& members,
+                                            const Vector<double>& weight) const {
+  Vector<Component> components;
   components.reserve(positions.size());
   for (const Point& position : positions) {
     components.push_back({1.0, position});
@@ -68,10 +68,10 @@ std::vector<Mixture::Component> Mixture::initial(const std::vector<Point>& posit
 }
 
 /// One iteration: force and centre of each component's share, without components below the contact threshold.
-std::vector<Mixture::Component> Mixture::updated(const std::vector<Component>& components, const Taxels& members,
-                                                 const std::vector<double>& weight) const {
-  std::vector<Component> found;
-  for (const std::vector<double>& share : responsibilities(members, components)) {
+Vector<Mixture::Component> Mixture::updated(const Vector<Component>& components, const Taxels& members,
+                                            const Vector<double>& weight) const {
+  Vector<Component> found;
+  for (const Vector<double>& share : responsibilities(members, components)) {
     double mass = 0.0, x = 0.0, y = 0.0;
     for (std::size_t member = 0; member < members.size(); ++member) {
       const Point& at = grid_.position(members[member]);
@@ -87,7 +87,7 @@ std::vector<Mixture::Component> Mixture::updated(const std::vector<Component>& c
 }
 
 /// Remove the weaker one of every two components that are too close to each other.
-void Mixture::merge_close(std::vector<Component>& components) const {
+void Mixture::merge_close(Vector<Component>& components) const {
   const double least = kLeastDistance * grid_.largest_pitch();
   const auto order = [](const Component& component) {
     return std::make_tuple(component.force, component.at.x, component.at.y);
@@ -114,13 +114,13 @@ void Mixture::merge_close(std::vector<Component>& components) const {
 
 /// ln(force*exp(-distance^2/(2*width^2))) of each component at each member, without terms that are the same for all
 /// components: the rest is linear in x and y.
-Shares Mixture::log_density(const Taxels& members, const std::vector<Component>& components) const {
+Shares Mixture::log_density(const Taxels& members, const Vector<Component>& components) const {
   Shares density;
   for (const auto& [force, at] : components) {
     const double constant = std::log(force) - 0.5 * (at.x * at.x / width_.x + at.y * at.y / width_.y);
     const double slope_x = at.x / width_.x;
     const double slope_y = at.y / width_.y;
-    std::vector<double>& line = density.emplace_back();
+    Vector<double>& line = density.emplace_back();
     line.reserve(members.size());
     for (const Taxel taxel : members) {
       line.push_back(constant + slope_x * grid_.position(taxel).x + slope_y * grid_.position(taxel).y);
@@ -130,19 +130,19 @@ Shares Mixture::log_density(const Taxels& members, const std::vector<Component>&
 }
 
 /// Share of each component in each member.
-Shares Mixture::responsibilities(const Taxels& members, const std::vector<Component>& components) const {
+Shares Mixture::responsibilities(const Taxels& members, const Vector<Component>& components) const {
   Shares shares = log_density(members, components);
   for (std::size_t member = 0; member < members.size(); ++member) {
     double greatest = -HUGE_VAL;
-    for (const std::vector<double>& share : shares) {
+    for (const Vector<double>& share : shares) {
       greatest = std::max(greatest, share[member]);
     }
     double total = 0.0;
-    for (std::vector<double>& share : shares) {
+    for (Vector<double>& share : shares) {
       share[member] = std::exp(share[member] - greatest);
       total += share[member];
     }
-    for (std::vector<double>& share : shares) {
+    for (Vector<double>& share : shares) {
       share[member] /= total;
     }
   }

@@ -75,7 +75,7 @@ void DynamicChannel::update_power(double step) {
   }
 }
 
-const Motions& DynamicChannel::update(const std::vector<Contact>& contacts, const double* force, double step) {
+const Motions& DynamicChannel::update(const Vector<Contact>& contacts, const double* force, double step) {
   Motions motions;
   for (const Contact& contact : contacts) {
     if (contact.state != ContactState::kReleased) {

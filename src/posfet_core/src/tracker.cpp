@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <utility>
 
 namespace posfet {
@@ -34,12 +33,12 @@ double along(const Merged& past, const Point& direction) {
   return past.offset.x * direction.x + past.offset.y * direction.y;
 }
 
-const Pair* with_track(const std::vector<Pair>& pairs, int track) {
+const Pair* with_track(const Vector<Pair>& pairs, int track) {
   const auto found = std::find_if(pairs.begin(), pairs.end(), [&](const Pair& pair) { return pair.first == track; });
   return found == pairs.end() ? nullptr : &*found;
 }
 
-const Pair* with_region(const std::vector<Pair>& pairs, int index) {
+const Pair* with_region(const Vector<Pair>& pairs, int index) {
   const auto found = std::find_if(pairs.begin(), pairs.end(), [&](const Pair& pair) { return pair.second == index; });
   return found == pairs.end() ? nullptr : &*found;
 }
@@ -52,7 +51,7 @@ void keep_motion(Contact& contact, const Contact& before) {
 }
 
 /// Store a contact that merged into another one, and those that had merged into it, by their state before the merge.
-void store(std::vector<Merged>& merged, const Contact& gone, const Contact& stays) {
+void store(Vector<Merged>& merged, const Contact& gone, const Contact& stays) {
   const Point offset = between(stays.region, gone.region);
   const double later = gone.age - stays.age;
   merged.push_back({gone.id, later, offset, gone.split_from});
@@ -72,8 +71,7 @@ Contact released(const Contact& contact, double step) {
 
 /// Restore the contact that had merged into that of region `other` from the direction in which region `index` lies,
 /// which was one with it in the scan `before`.
-void restore(int index, int other, const Contact& before, const std::vector<Region>& regions,
-             std::map<int, Contact>& followed) {
+void restore(int index, int other, const Contact& before, const Vector<Region>& regions, Map<int, Contact>& followed) {
   const auto at = [&](int number) -> const Region& { return regions[static_cast<std::size_t>(number)]; };
   Contact stays = std::move(followed.at(other));
   const Point direction = between(at(other), at(index));
@@ -107,7 +105,7 @@ ContactTracker::ContactTracker(const TrackerSettings& settings, TrackId first_id
 
 bool ContactTracker::idle() const { return std::all_of(reported_.begin(), reported_.end(), is_released); }
 
-const std::vector<Contact>& ContactTracker::follow(ContactFinder& finder, const ForceEstimate& taxels, double step) {
+const Vector<Contact>& ContactTracker::follow(ContactFinder& finder, const ForceEstimate& taxels, double step) {
   forget_released();
   KnownRegions before;
   for (const Contact& contact : reported_) {
@@ -116,7 +114,7 @@ const std::vector<Contact>& ContactTracker::follow(ContactFinder& finder, const 
   return update(finder.measure(taxels, before), step);
 }
 
-const std::vector<Contact>& ContactTracker::update(std::vector<Region> regions, double step) {
+const Vector<Contact>& ContactTracker::update(Vector<Region> regions, double step) {
   forget_released();
   Pairs pairs = associate(regions);
   if (pairs.size() == regions.size() && pairs.size() == reported_.size()) {
@@ -135,12 +133,12 @@ void ContactTracker::forget_released() {
 }
 
 /// The region of each contact that continues, by the least sum of squared distances; ascending by contact.
-ContactTracker::Pairs ContactTracker::associate(const std::vector<Region>& regions) const {
-  std::vector<std::vector<double>> distances;
+ContactTracker::Pairs ContactTracker::associate(const Vector<Region>& regions) const {
+  Vector<Vector<double>> distances;
   Pairs pairs;
-  std::set<int> taken;
+  Set<int> taken;
   for (std::size_t track = 0; track < reported_.size(); ++track) {
-    std::vector<double>& row = distances.emplace_back();
+    Vector<double>& row = distances.emplace_back();
     for (const Region& region : regions) {
       row.push_back(distance(reported_[track], region));
     }
@@ -153,7 +151,7 @@ ContactTracker::Pairs ContactTracker::associate(const std::vector<Region>& regio
   if (taken.size() == pairs.size()) {
     return pairs;
   }
-  for (std::vector<double>& row : distances) {
+  for (Vector<double>& row : distances) {
     std::transform(row.begin(), row.end(), row.begin(), [](double each) { return each * each; });
   }
   // A contact that ends costs as much as the longest distance within the gate.
@@ -161,7 +159,7 @@ ContactTracker::Pairs ContactTracker::associate(const std::vector<Region>& regio
 }
 
 /// Update contacts of which some begin, end, merge or split; return them, ascending by id.
-std::vector<Contact> ContactTracker::change(Pairs pairs, const std::vector<Region>& regions, double step) {
+Vector<Contact> ContactTracker::change(Pairs pairs, const Vector<Region>& regions, double step) {
   const Pairs merging = this->merging(pairs, regions);
   for (const auto& [track, into] : merging) {
     // The older one continues, wherever the common centre is.
@@ -177,7 +175,7 @@ std::vector<Contact> ContactTracker::change(Pairs pairs, const std::vector<Regio
     continuing.emplace(index, followed(contact(track), regions[static_cast<std::size_t>(index)], step));
   }
   merge(merging, pairs, continuing);
-  std::vector<Contact> all;
+  Vector<Contact> all;
   for (int track = 0; track < static_cast<int>(reported_.size()); ++track) {
     const Pair* merged = with_track(merging, track);
     const bool absorbed = merged != nullptr || with_region(merging, track) != nullptr;
@@ -193,12 +191,12 @@ std::vector<Contact> ContactTracker::change(Pairs pairs, const std::vector<Regio
   for (auto& [index, each] : continuing) {
     all.push_back(std::move(each));
   }
-  std::stable_sort(all.begin(), all.end(), [](const Contact& one, const Contact& other) { return one.id < other.id; });
+  std::sort(all.begin(), all.end(), [](const Contact& one, const Contact& other) { return one.id < other.id; });
   return all;
 }
 
 /// For each contact without a region, the contact whose region contains it.
-ContactTracker::Pairs ContactTracker::merging(const Pairs& pairs, const std::vector<Region>& regions) const {
+ContactTracker::Pairs ContactTracker::merging(const Pairs& pairs, const Vector<Region>& regions) const {
   Pairs found;
   for (int track = 0; track < static_cast<int>(reported_.size()); ++track) {
     const Region& region = contact(track).region;
@@ -233,7 +231,7 @@ void ContactTracker::merge(const Pairs& merging, const Pairs& pairs, Followed& f
 }
 
 /// Add the contact of a region without association: one that is restored, splits off, or is new.
-void ContactTracker::split(int index, const std::vector<Region>& regions, const Pairs& pairs, Followed& followed) {
+void ContactTracker::split(int index, const Vector<Region>& regions, const Pairs& pairs, Followed& followed) {
   const Region& region = regions[static_cast<std::size_t>(index)];
   const auto overlapping = std::find_if(pairs.begin(), pairs.end(), [&](const Pair& pair) {
     return intersect(contact(pair.first).region.touched, region.touched);

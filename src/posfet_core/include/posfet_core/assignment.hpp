@@ -9,7 +9,8 @@
 #pragma once
 
 #include <utility>
-#include <vector>
+
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -23,6 +24,6 @@ using Pair = std::pair<int, int>;
 ///
 /// `costs` are those of each row with each column, >= 0, in any unit; all rows are of one length. `unassigned_cost` is
 /// the cost of a row without a column; a column without a row costs nothing.
-std::vector<Pair> minimum_cost_assignment(const std::vector<std::vector<double>>& costs, double unassigned_cost);
+Vector<Pair> minimum_cost_assignment(const Vector<Vector<double>>& costs, double unassigned_cost);
 
 }  // namespace posfet

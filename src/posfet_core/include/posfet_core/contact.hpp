@@ -9,10 +9,10 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "posfet_core/grid.hpp"
 #include "posfet_core/moments.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -49,11 +49,11 @@ struct Merged {
 struct Contact {
   TrackId id = 0;
   ContactState state = ContactState::kNew;
-  Region region;               ///< Geometry and force; of a released contact the last geometry, with force 0.
-  Point velocity;              ///< Of the centre of pressure [m/s], low-pass filtered; NaN in the first scan.
-  double age = 0.0;            ///< Time since the contact began [s].
-  std::vector<Merged> merged;  ///< Contacts that merged into this one, in order.
-  TrackId split_from = 0;      ///< Id of the contact that this one split off from.
+  Region region;           ///< Geometry and force; of a released contact the last geometry, with force 0.
+  Point velocity;          ///< Of the centre of pressure [m/s], low-pass filtered; NaN in the first scan.
+  double age = 0.0;        ///< Time since the contact began [s].
+  Vector<Merged> merged;   ///< Contacts that merged into this one, in order.
+  TrackId split_from = 0;  ///< Id of the contact that this one split off from.
 };
 
 }  // namespace posfet

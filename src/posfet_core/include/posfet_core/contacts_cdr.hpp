@@ -45,12 +45,11 @@ public:
   /// The serialised message, overwritten by the next one: of a scan at `stamp` [ns] with a sequence number, whether its
   /// forces are valid, its contacts, the released ones only if they are shown, and their motions.
   const std::vector<std::uint8_t>& write(std::int64_t stamp, std::uint64_t sequence, bool valid,
-                                         const std::vector<Contact>& contacts, bool shows_released,
-                                         const Motions& motions);
+                                         const Vector<Contact>& contacts, bool shows_released, const Motions& motions);
 
 private:
   /// Vector in space.
-  struct Vector {
+  struct Spatial {
     double x;
     double y;
     double z;
@@ -58,15 +57,15 @@ private:
 
   void write_contact(const Contact& contact, const Motion& motion);
   void write_geometry(const Contact& contact);
-  Vector point(const Point& at) const;
-  Vector along(const Point& at, const Point& vector) const;
-  Vector normal(const Point& at) const;
+  Spatial point(const Point& at) const;
+  Spatial along(const Point& at, const Point& vector) const;
+  Spatial normal(const Point& at) const;
   double tilt(const Point& at) const;
 
   template <typename Number>
   void put(Number number);
   void put_float(double number);
-  void put_vector(const Vector& vector);
+  void put_vector(const Spatial& vector);
   void put_text(const std::string& text);
   void align(std::size_t size);
 

@@ -12,12 +12,12 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "posfet_core/contact.hpp"
 #include "posfet_core/footprint.hpp"
 #include "posfet_core/force_estimate.hpp"
 #include "posfet_core/moments.hpp"
+#include "posfet_core/recycled.hpp"
 #include "posfet_core/saddle.hpp"
 #include "posfet_core/separation.hpp"
 #include "posfet_core/thresholds.hpp"
@@ -28,7 +28,7 @@ namespace posfet {
 constexpr double kNeighbourRelease = 0.5;
 
 /// Regions of the scan before.
-using KnownRegions = std::vector<const Region*>;
+using KnownRegions = Vector<const Region*>;
 
 /// Detects contacts scan by scan, with hysteresis.
 class ContactFinder {
@@ -48,42 +48,42 @@ public:
 
   /// Measure the regions that `find` found, and separate contacts that share one. A region is split when it contains
   /// several contacts of the scan `before` that were separated, or when it has a saddle now.
-  std::vector<Region> measure(const ForceEstimate& taxels, const KnownRegions& before);
+  Vector<Region> measure(const ForceEstimate& taxels, const KnownRegions& before);
 
   /// The regions that `find` found last.
-  const std::vector<Footprint>& regions() const { return footprints_; }
+  const Vector<Footprint>& regions() const { return footprints_; }
 
   /// Members of each region that `measure` took for a contact, the ring around it included.
-  const std::vector<Taxels>& patches() const { return patches_; }
+  const Vector<Taxels>& patches() const { return patches_; }
 
 private:
   /// A region in one scan.
   struct Patch {
     const Footprint& footprint;
-    std::vector<double> weight;  ///< Force of each member that counts [N].
-    double variance;             ///< Variance of their sum [N2].
-    double highest;              ///< Greatest force of a member [N]; NaN when one is unknown.
+    Vector<double> weight;  ///< Force of each member that counts [N].
+    double variance;        ///< Variance of their sum [N2].
+    double highest;         ///< Greatest force of a member [N]; NaN when one is unknown.
     const ForceEstimate& taxels;
   };
 
   void measure_region(const Footprint& footprint, Taxels listed, const ForceEstimate& taxels,
-                      const KnownRegions& before, std::vector<Region>& found);
+                      const KnownRegions& before, Vector<Region>& found);
   Patch patch(const Footprint& footprint, const ForceEstimate& taxels) const;
   Taxels listed(const Footprint& footprint, const ForceEstimate& taxels, const KnownRegions& before) const;
-  std::vector<Point> peaks(const Region& whole, const Patch& patch, bool were_apart) const;
+  Vector<Point> peaks(const Region& whole, const Patch& patch, bool were_apart) const;
   bool is_unresolvable(const KnownRegions& known, const Patch& patch) const;
   void measure_parts(const Patch& patch, const Shares& shares, const Taxels& listed, bool separated,
-                     std::vector<Region>& found);
-  Region measure_part(const Patch& patch, const std::vector<double>& weight, double highest, Taxels listed,
-                      Taxels touched, bool separated);
+                     Vector<Region>& found);
+  Region measure_part(const Patch& patch, const Vector<double>& weight, double highest, Taxels listed, Taxels touched,
+                      bool separated);
 
   Grid grid_;
   Thresholds thresholds_;
   MomentFinder moments_;
   SaddleFinder saddles_;
   Mixture mixture_;
-  std::vector<Footprint> footprints_;
-  std::vector<Taxels> patches_;
+  Vector<Footprint> footprints_;
+  Vector<Taxels> patches_;
 };
 
 }  // namespace posfet

@@ -8,14 +8,13 @@
 /// Regions of an array in contact, with the ring of taxels around each.
 #pragma once
 
-#include <vector>
-
 #include "posfet_core/grid.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
 /// 8-connected components of a mask, in the order of their first taxels.
-std::vector<Taxels> connected_components(const Grid& grid, const Mask& mask);
+Vector<Taxels> connected_components(const Grid& grid, const Mask& mask);
 
 /// A region in contact with the ring of taxels around it, without taxels that belong to two rings.
 struct Footprint {
@@ -25,7 +24,7 @@ struct Footprint {
 };
 
 /// Footprints of the connected components of a mask, in their order.
-std::vector<Footprint> footprints(const Grid& grid, const Mask& mask);
+Vector<Footprint> footprints(const Grid& grid, const Mask& mask);
 
 /// Taxels that a contact lists.
 struct Outline {

@@ -9,9 +9,9 @@
 #pragma once
 
 #include <cstddef>
-#include <map>
 
 #include "posfet_core/grid.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -39,7 +39,7 @@ public:
 private:
   double computed_variance_of_sum(const Taxels& taxels) const;
 
-  mutable std::map<Taxels, double> sums_;
+  mutable Map<Taxels, double> sums_;
 };
 
 }  // namespace posfet

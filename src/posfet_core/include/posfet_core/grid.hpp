@@ -13,16 +13,18 @@
 #include <cstdint>
 #include <vector>
 
+#include "posfet_core/recycled.hpp"
+
 namespace posfet {
 
 /// Index of a taxel, or a number of taxels.
 using Taxel = std::ptrdiff_t;
 
 /// Set of taxels: their indices, ascending.
-using Taxels = std::vector<Taxel>;
+using Taxels = Vector<Taxel>;
 
 /// One flag for each taxel, 0 or 1.
-using Mask = std::vector<std::uint8_t>;
+using Mask = Vector<std::uint8_t>;
 
 /// Position or vector (x, y) [m] in the frame of the array.
 struct Point {

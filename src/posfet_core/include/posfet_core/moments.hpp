@@ -56,7 +56,7 @@ public:
   MomentFinder(const Grid& grid, double spread);
 
   /// Moments of the forces of a footprint's members [N], with a positive sum.
-  Moments of(const Footprint& footprint, const std::vector<double>& weight);
+  Moments of(const Footprint& footprint, const Vector<double>& weight);
 
 private:
   /// Profile of the forces along one axis.
@@ -82,7 +82,7 @@ private:
     void extend(double value, double before, double beyond, double direction, double fall, double least);
   };
 
-  void fill_profiles(const Footprint& footprint, const std::vector<double>& weight);
+  void fill_profiles(const Footprint& footprint, const Vector<double>& weight);
   Point extrapolated_centre(Point mean, Point variance) const;
 
   const Grid& grid_;

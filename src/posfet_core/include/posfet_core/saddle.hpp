@@ -9,10 +9,10 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "posfet_core/footprint.hpp"
 #include "posfet_core/grid.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -53,8 +53,7 @@ public:
   /// `force` are the forces of all taxels [N]. Taxels that are `interpolated` (null: none) are no saddle, and their
   /// neighbours belong to one peak. For a region that consists of several former regions (`were_apart`) a shallow
   /// saddle is sufficient.
-  std::vector<Point> peaks(const Footprint& footprint, const double* force, const bool* interpolated,
-                           bool were_apart) const;
+  Vector<Point> peaks(const Footprint& footprint, const double* force, const bool* interpolated, bool were_apart) const;
 
 private:
   /// What a saddle must be to separate two peaks.

@@ -92,7 +92,7 @@ public:
   const ForceIntegration& integration() const { return *parts_.integration; }
 
   /// Contacts of the result, ascending by id; released ones count only where `shows_released`.
-  const std::vector<Contact>& contacts() const { return parts_.tracker->contacts(); }
+  const Vector<Contact>& contacts() const { return parts_.tracker->contacts(); }
   bool shows_released() const { return shows_released_; }
 
   /// Vibration and slip of each contact that is not released, by its id.

@@ -16,10 +16,10 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "posfet_core/footprint.hpp"
 #include "posfet_core/grid.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -33,7 +33,7 @@ constexpr int kInitialIterations = 8;
 constexpr int kIterations = 2;
 
 /// Share of each contact in each member of a region [1]; they sum up to 1 over the contacts.
-using Shares = std::vector<std::vector<double>>;
+using Shares = Vector<Vector<double>>;
 
 /// Divides the forces of a region among its contacts.
 class Mixture {
@@ -43,8 +43,8 @@ public:
 
   /// Shares of contacts at the initial `positions` [m] in the forces of a region's members [N], >= 0, by
   /// expectation-maximisation; nothing where the contacts cannot be separated.
-  std::optional<Shares> shares(const std::vector<Point>& positions, const Taxels& members,
-                               const std::vector<double>& weight, int iterations) const;
+  std::optional<Shares> shares(const Vector<Point>& positions, const Taxels& members, const Vector<double>& weight,
+                               int iterations) const;
 
 private:
   /// One contact of the mixture.
@@ -53,13 +53,12 @@ private:
     Point at;
   };
 
-  Shares log_density(const Taxels& members, const std::vector<Component>& components) const;
-  Shares responsibilities(const Taxels& members, const std::vector<Component>& components) const;
-  std::vector<Component> initial(const std::vector<Point>& positions, const Taxels& members,
-                                 const std::vector<double>& weight) const;
-  std::vector<Component> updated(const std::vector<Component>& components, const Taxels& members,
-                                 const std::vector<double>& weight) const;
-  void merge_close(std::vector<Component>& components) const;
+  Shares log_density(const Taxels& members, const Vector<Component>& components) const;
+  Shares responsibilities(const Taxels& members, const Vector<Component>& components) const;
+  Vector<Component> initial(const Vector<Point>& positions, const Taxels& members, const Vector<double>& weight) const;
+  Vector<Component> updated(const Vector<Component>& components, const Taxels& members,
+                            const Vector<double>& weight) const;
+  void merge_close(Vector<Component>& components) const;
 
   const Grid& grid_;
   Point width_;  ///< Variance of a component along each axis [m2].

@@ -15,11 +15,11 @@
 /// compared with sum(y).
 #pragma once
 
-#include <map>
 #include <vector>
 
 #include "posfet_core/contact.hpp"
 #include "posfet_core/grid.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -56,7 +56,7 @@ struct Motion {
 };
 
 /// State of each contact that is not released, by its id.
-using Motions = std::map<TrackId, Motion>;
+using Motions = Map<TrackId, Motion>;
 
 /// High-passed force of every taxel, updated by `advance` for each scan; restarts after a `pause`.
 class DynamicChannel {
@@ -77,7 +77,7 @@ public:
   void update_power(double step);
 
   /// Update vibration and slip of the contacts of a scan with the forces of all taxels [N].
-  const Motions& update(const std::vector<Contact>& contacts, const double* force, double step);
+  const Motions& update(const Vector<Contact>& contacts, const double* force, double step);
 
   /// What `update` found last.
   const Motions& motions() const { return motions_; }

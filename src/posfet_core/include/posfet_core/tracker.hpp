@@ -13,12 +13,11 @@
 #pragma once
 
 #include <limits>
-#include <map>
-#include <vector>
 
 #include "posfet_core/assignment.hpp"
 #include "posfet_core/contact.hpp"
 #include "posfet_core/detection.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -53,35 +52,35 @@ public:
 
   /// Associate the regions of a scan with the contacts of the scan before, `step` seconds ago, > 0. Returns the
   /// contacts, ascending by id; those that ended in this scan are included once, as released.
-  const std::vector<Contact>& update(std::vector<Region> regions, double step);
+  const Vector<Contact>& update(Vector<Region> regions, double step);
 
   /// Measure the regions of a scan and update the contacts with them.
-  const std::vector<Contact>& follow(ContactFinder& finder, const ForceEstimate& taxels, double step);
+  const Vector<Contact>& follow(ContactFinder& finder, const ForceEstimate& taxels, double step);
 
   /// Contacts of the last scan; those that ended in it are included.
-  const std::vector<Contact>& contacts() const { return reported_; }
+  const Vector<Contact>& contacts() const { return reported_; }
 
   /// Whether there is no contact that could continue or be released.
   bool idle() const;
 
 private:
-  using Pairs = std::vector<Pair>;          ///< Contact and region of each association.
-  using Followed = std::map<int, Contact>;  ///< Contacts of this scan, by their regions.
+  using Pairs = Vector<Pair>;          ///< Contact and region of each association.
+  using Followed = Map<int, Contact>;  ///< Contacts of this scan, by their regions.
 
   const Contact& contact(int track) const { return reported_[static_cast<std::size_t>(track)]; }
   void forget_released();
-  Pairs associate(const std::vector<Region>& regions) const;
-  std::vector<Contact> change(Pairs pairs, const std::vector<Region>& regions, double step);
-  Pairs merging(const Pairs& pairs, const std::vector<Region>& regions) const;
+  Pairs associate(const Vector<Region>& regions) const;
+  Vector<Contact> change(Pairs pairs, const Vector<Region>& regions, double step);
+  Pairs merging(const Pairs& pairs, const Vector<Region>& regions) const;
   void merge(const Pairs& merging, const Pairs& pairs, Followed& followed) const;
-  void split(int index, const std::vector<Region>& regions, const Pairs& pairs, Followed& followed);
+  void split(int index, const Vector<Region>& regions, const Pairs& pairs, Followed& followed);
   Contact begin(const Region& region, TrackId split_from);
   Contact followed(const Contact& contact, Region region, double step) const;
 
   TrackerSettings settings_;
   double gate_;   ///< [m].
   double noise_;  ///< Speed that noise may cause, times the force of the contact [N m/s].
-  std::vector<Contact> reported_;
+  Vector<Contact> reported_;
   TrackId next_id_;
 };
 
