@@ -41,7 +41,7 @@ BROKEN_BOARD = """
 from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.ros import sim_board_node
 
-def fail(board, now):
+def fail(board, now, until=None):
     raise ValueError("odd\\ntime")
 
 BusBoard.due = fail
