@@ -23,7 +23,7 @@ import pytest
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.protocol.decoder import Decoder, ScanReady
-from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
+from posfet_driver.protocol.messages import COMMAND_OFFSET, STATUS_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.emulation.backlog import AT_ONCE, LATE, LONGEST_BACKLOG, first_due
@@ -134,14 +134,20 @@ def test_the_board_behind_an_adapter_or_on_a_bus(cost: int, fd: bool) -> None:
     decoder.start()
     base = sensor.can.base_id
     firmware.receive((base + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0, 0).pack()), 0)
-    arrivals, turns = [], 0
+    arrivals, turns, statuses = [], 0, [0]
     while now < STARVED + AFTER:
         board.cost, board.spent = (cost if now < STARVED else RELIEVED), 0
         frames = first_due(firmware, now)
+        if any(identifier == base + STATUS_OFFSET for identifier, _, _ in frames):
+            statuses.append(now)
         begun, now = now, now + board.spent
         turns = max(turns, now - begun)
         arrivals += [Arrival(sequence, sequence * PERIOD, now, late) for sequence, late in sent(decoder, frames, now)]
         now = max(now, firmware.next_due())
+    # While the backlog builds up, a status waits for the scans before it; scans that are thinned out keep none waiting.
+    steady = [at for at in statuses if STARVED / 2 < at <= STARVED]
+    silence = max(later - earlier for earlier, later in itertools.pairwise(steady))
+    assert silence <= (SECOND // 5 if fd else round(LONGEST_BACKLOG * SECOND)) + turns, "temperatures are as old"
     # A scan is late by the backlog, and by those that are computed with it.
     at_once = round(AT_ONCE * SECOND / PERIOD) + 1
     assert turns <= at_once * cost, "a command waits no longer"

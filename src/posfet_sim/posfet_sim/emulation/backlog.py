@@ -18,8 +18,9 @@ from posfet_sim.emulation.bus_node import Node
 LATE: Final = 0.1
 """Delay of a scan [s] from which it carries STATUS_SCAN_OVERRUN."""
 LONGEST_BACKLOG: Final = 0.5
-"""Delay of a scan [s] from which it is missed. A machine that is too slow so thins scans out: forces can be followed
-across many short gaps, not across a few long ones. Shorter delays, which other work causes, lose none. Assumed."""
+"""Delay of a scan [s] from which it is missed; in classic frames, all but the newest are. A machine that is too slow so
+thins scans out: forces can be followed across many short gaps, not across a few long ones. Shorter delays, which other
+work causes, lose none. Assumed."""
 STOPPED: Final = 1.0
 """Delay of a scan [s] from which all that are due are missed but the newest: this process did not run. Assumed."""
 AT_ONCE: Final = 0.005

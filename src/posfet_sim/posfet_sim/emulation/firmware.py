@@ -162,8 +162,9 @@ class BoardFirmware:
     def due(self, now: int, until: int | None = None) -> list[Frame]:
         """Return the frames that are due at `now` [ns], in the order in which they are sent.
 
-        Scans in FD frames that are later than LONGEST_BACKLOG are missed. Of those in classic frames, which after a gap
-        only a header numbers, all but the newest are missed then; so are status frames, and after a stop all scans.
+        Scans in FD frames that are later than LONGEST_BACKLOG are missed, but for the newest of them. Of those in
+        classic frames, which after a gap only a header numbers, all but the newest are missed then, as after a stop. So
+        are status frames, of which one that is due waits for no late scan then.
 
         Parameters
         ----------
@@ -180,10 +181,13 @@ class BoardFirmware:
         if now - self._status_due() > _LONGEST_BACKLOG:
             self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
         late = now - self._tick()
+        frames: list[Frame] = []
         if self.running and late > _LONGEST_BACKLOG:
             self._miss(now - _LONGEST_BACKLOG if self._codec.fd and late <= _STOPPED else now)
+            if self._status_due() <= now:
+                self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
+                frames += self._periodic_frames()
         end = now if until is None else max(until, min(self.next_due(), now))
-        frames: list[Frame] = []
         while self.next_due() <= end:
             if self.running and self._tick() == self.next_due():
                 frames += self._scan_frames(now)

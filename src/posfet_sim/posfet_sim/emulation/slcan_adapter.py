@@ -172,8 +172,9 @@ class EmulatedAdapter:
             if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
                     self._execute(line, now)
-            if self._output:
-                self._waiting.append((now, self._written + len(self._output)))
+            end = self._written + len(self._output)
+            if end > (self._waiting[-1][1] if self._waiting else self._written):
+                self._waiting.append((now, end))
             self._flush(master)
 
     def _execute(self, line: bytes, now: int) -> None:
