@@ -13,6 +13,7 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
+#include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -30,6 +31,9 @@ using Values = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 /// Values that are kept by reference: no copy.
 using KeptValues = py::array_t<double, py::array::c_style>;
+
+/// Counts of an ADC: of no type that could hold a value beyond 16 bits, which would change by the conversion.
+using Counts = py::array_t<std::uint16_t, py::array::c_style>;
 
 /// Flags of all taxels.
 using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
@@ -52,6 +56,14 @@ inline void require_taxels(const py::array& array, Taxel taxels, const char* nam
 inline const double* values_of(const py::array_t<double>& array, Taxel taxels, const char* name) {
   require_taxels(array, taxels, name);
   return array.data();
+}
+
+/// Throws ValueError (std::invalid_argument) where there is no taxel.
+inline Taxel at_least_one(py::ssize_t taxels) {
+  if (taxels < 1) {
+    throw std::invalid_argument("there must be at least one taxel");
+  }
+  return static_cast<Taxel>(taxels);
 }
 
 /// The flags of all taxels; null for none.

@@ -40,7 +40,7 @@ public:
         unlisted_(std::move(unlisted)),
         interpolated_(std::move(interpolated)),
         correlated_error_(std::move(correlated_error)) {
-    const Taxel count = force_.size();
+    const Taxel count = at_least_one(force_.size());
     estimate_.force = values_of(force_, count, "force");
     estimate_.variance = values_of(variance_, count, "variance");
     estimate_.saturated = flags_of(saturated_, count, "saturated");

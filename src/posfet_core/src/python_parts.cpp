@@ -31,7 +31,6 @@ namespace posfet {
 
 namespace {
 
-using Counts = py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>;
 using Temperatures = py::array_t<float, py::array::c_style | py::array::forcecast>;
 
 py::tuple counts_of(const ScanClock& clock) {

@@ -15,6 +15,7 @@
 #include <limits>
 
 #include "posfet_core/scan.hpp"
+#include "python_arrays.hpp"
 
 namespace posfet {
 
@@ -64,7 +65,7 @@ public:
     counts_ = Counts::ensure(attribute(object, names.counts));
     temperatures_ = Temperatures::ensure(attribute(object, names.temperatures));
     if (!counts_ || !temperatures_) {
-      throw py::type_error("counts and temperatures must be arrays of numbers");
+      throw py::type_error("counts must be an array of uint16, temperatures one of numbers");
     }
     scan_.stamp = signed_of(attribute(object, names.stamp));
     scan_.layout = unsigned_of(attribute(object, names.layout_id));
@@ -80,7 +81,6 @@ public:
   const Scan& scan() const { return scan_; }
 
 private:
-  using Counts = py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>;
   using Temperatures = py::array_t<float, py::array::c_style | py::array::forcecast>;
 
   /// Names of the attributes, made once.

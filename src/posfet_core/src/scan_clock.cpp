@@ -128,7 +128,7 @@ void ScanClock::reset(const Scan& scan) {
   bridge(static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9);
 }
 
-/// Set the interval [s]; one out of range interrupts the force, and so does a charge that began anew.
+/// Set the interval [s]; one out of range interrupts the force, and so does a charge that started again.
 void ScanClock::bridge(double interval) {
   const bool in_range = 0.0 < interval && interval <= longest_;
   interrupted_ = (restart_ & kChargeReset) != 0 || !in_range;

@@ -312,6 +312,7 @@ def test_moments_of_arbitrary_forces_are_finite_and_near_the_array(values: list[
     ("arguments", "error"),
     [
         ((np.zeros(24), VARIANCE), "variance must have one value for each of 24 taxels"),
+        ((np.zeros(0), np.zeros(0)), "there must be at least one taxel"),
         ((np.zeros(25), VARIANCE, np.zeros(5, np.bool_)), "saturated must have one value for each of 25 taxels"),
     ],
 )

@@ -67,12 +67,14 @@ class Watch:
         self._last = -1e-3
 
     def process(self, time: float, scan: Any) -> NDArray[np.float64]:
-        estimator = self.estimator
-        estimator.advance(self._inverse.charge(scan.counts, self._charge), scan.temperatures, time - self._last)
+        estimator, integration = self.estimator, self.estimator.integration
+        charge = self._inverse.charge(scan.counts, self._charge)
+        if not integration.process(charge, scan.temperatures, time - self._last):
+            estimator.start(charge)
         self._last = time
-        estimator.compensate_common_mode(bool(self._touched.any()))
+        integration.compensate_common_mode(bool(self._touched.any()))
         self._touched |= estimator.force > self._limit
-        if estimator.block_due:
+        if estimator.block_time >= BLOCK:
             touched = self._touched & estimator.offset_known
             estimator.close_block(touched, [np.flatnonzero(touched)] if touched.any() else [])
             self._limit = np.maximum(THRESHOLD, 2.5 * np.sqrt(estimator.variance(np.empty(TAXELS))))

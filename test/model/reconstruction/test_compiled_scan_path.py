@@ -305,6 +305,17 @@ def test_parts_of_different_arrays_are_refused() -> None:
         both.compiled.set_faulty(np.zeros(24, np.bool_), np.zeros(25, np.bool_))
 
 
+@pytest.mark.parametrize("counts", [np.full(25, 70_000), np.full(25, 1000.7), np.array(["1000"] * 25)])
+def test_counts_that_a_conversion_could_change_are_refused(counts: NDArray[Any]) -> None:
+    both = Both(Story(SENSOR, 1, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, False))
+    scan = replace(Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels), counts=counts, stamp=START)
+    with pytest.raises(TypeError, match="counts must be an array of uint16"):
+        both.compiled.process(scan, math.inf, lambda: None, lambda charge, interrupted: None)
+    with pytest.raises(TypeError, match="uint16"):
+        both.history.add(counts, True)
+    assert both.clock.counts.accepted == both.history.filled == 0
+
+
 def test_numbers_beyond_those_of_a_message_count_as_the_nearest_ones() -> None:
     both = Both(Story(SENSOR, 1, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, False))
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)

@@ -168,7 +168,9 @@ def test_when_all_taxels_are_touched_hum_is_predicted_for_a_limited_time() -> No
 def test_hum_is_identified_again_after_an_interruption() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     run(mains, shown, 2.0)
-    mains.interrupt()
+    mains.clear()  # as the scan path and the reconstruction do
+    mains.start_window()
+    mains.forget()
     assert not mains.present
     left = run(mains, shown, 2.0, start=2.0123)
     assert rms(left[-500:]) < 0.15 * rms(shown(np.arange(1000) / 1000))

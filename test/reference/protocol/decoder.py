@@ -28,13 +28,15 @@ from posfet_driver.protocol.messages import (
     COMMAND_OFFSET,
     FD_BLOCK_OFFSET,
     HEADER_OFFSET,
+    IDENTITY_OFFSET,
     LONGEST_PERIOD,
+    RESPONSE_OFFSET,
+    STATUS_OFFSET,
     Command,
     Identity,
     Response,
     Result,
     Status,
-    is_message,
     parse_message,
 )
 from posfet_driver.protocol.scan_codec import make_codec
@@ -53,6 +55,7 @@ COMMANDS_KEPT: Final = 16
 """Number of the newest own commands that are remembered: a link may delay their responses by some repetitions."""
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _NO_BLOCK: Final = EXTENDED | ERROR
+_SHORT: Final = (STATUS_OFFSET, IDENTITY_OFFSET, RESPONSE_OFFSET, COMMAND_OFFSET)
 _SET_RATE: Final = bytes([Command.SET_RATE])
 
 
@@ -315,7 +318,7 @@ class Decoder:
         message = None
         if kind & ERROR:
             pass  # error frames are counted by the bus
-        elif kind & EXTENDED or not (is_message(offset) or offset == COMMAND_OFFSET):
+        elif kind & EXTENDED or offset not in _SHORT:
             traffic.unrelated += 1
         elif offset == COMMAND_OFFSET and kind == CLASSIC and data in self._own_commands:
             pass  # some buses hand back what was written

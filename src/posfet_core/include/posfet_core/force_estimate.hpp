@@ -33,7 +33,7 @@ public:
   /// Variance of the sum of the forces of some taxels [N2]; kept until `forget`, as regions repeat.
   double variance_of_sum(const Taxels& taxels) const;
 
-  /// Compute the variances anew: variances or correlated errors have changed.
+  /// Compute the variances again: variances or correlated errors have changed.
   void forget() { sums_.clear(); }
 
 private:

@@ -133,7 +133,7 @@ void ClockSync::follow(Wide device_time, Wide arrival, double difference) {
   state_.recent_before += rise;
 }
 
-/// Find the offset anew, from the windows that are remembered.
+/// Find the offset again, from the windows that are remembered.
 void ClockSync::end_window(Wide arrival) {
   if (state_.doubted) {
     state_.windows.clear();

@@ -30,7 +30,7 @@ class Commander(Listener):
     clock : Clock
         Clock of the host.
     board : Board
-        What is known of the board.
+        What is known about the board.
     numbers : random.Random
         Source of all that is free: tags, periods, arguments, order.
     """

@@ -27,7 +27,7 @@ class Listener:
     clock : Clock
         Clock of the host.
     board : Board
-        What is known of the board.
+        What is known about the board.
     """
 
     def __init__(self, bus: FrameBus, clock: Clock, board: Board) -> None:

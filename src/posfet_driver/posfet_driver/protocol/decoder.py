@@ -125,7 +125,7 @@ class Decoder:
     def clock_uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame.
 
-        What is known of the newest scan besides is in its `stamp_uncertainty`.
+        What else is known about the newest scan is in its `stamp_uncertainty`.
         """
         return self._core.clock_uncertainty
 

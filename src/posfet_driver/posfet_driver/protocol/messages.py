@@ -254,17 +254,6 @@ _PARSERS: Final[dict[int, Callable[[bytes], Message | None]]] = {
 }
 
 
-def is_message(offset: int) -> bool:
-    """Return whether frames with this offset to the base identifier are status, identity or response.
-
-    Parameters
-    ----------
-    offset : int
-        Identifier less the board's base identifier.
-    """
-    return offset in _PARSERS
-
-
 def parse_message(offset: int, kind: int, data: bytes) -> Message | None:
     """Parse a short message of a board.
 

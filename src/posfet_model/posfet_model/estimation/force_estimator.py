@@ -179,8 +179,9 @@ def _of_scans(name: str) -> Any:
 class ForceEstimator:
     """Force of every taxel with its covariance, from charge densities; arrays row by row, shape [rows * cols].
 
-    Call `advance` for each scan, and `close_block` whenever `block_due` is true. The force at the start is assumed to
-    be zero: a taxel that is loaded then reads zero, a negative force once the load is released, and zero soon after.
+    `integration` takes each scan; call `start` with the first one, and `close_block` whenever `block_time` has reached
+    `BLOCK`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a negative force once
+    the load is released, and zero soon after.
 
     Parameters
     ----------
@@ -298,11 +299,6 @@ class ForceEstimator:
     _sensors: float = _of_scans("sensors")
 
     @property
-    def block_due(self) -> bool:
-        """Whether `close_block` must be called before the next scan."""
-        return self._elapsed >= BLOCK
-
-    @property
     def block_time(self) -> float:
         """Duration of the current block so far [s]."""
         return self._elapsed
@@ -370,34 +366,6 @@ class ForceEstimator:
         """
         self._started = self.valid = False
         self._recovering = RESUME_TIME
-
-    def advance(self, charge: Array, temperatures: NDArray[np.float32], step: float) -> None:
-        """Process a scan.
-
-        Parameters
-        ----------
-        charge : ndarray of float64, shape [rows * cols]
-            Charge densities [C/m2].
-        temperatures : ndarray of float32, shape [sensors]
-            Chip temperatures [degC]; NaN: unknown.
-        step : float
-            Time since the previous scan [s], > 0.
-        """
-        if not self._integration.process(charge, temperatures, step):
-            self.start(charge)
-
-    def compensate_common_mode(self, touched: bool) -> None:
-        """Keep a uniform change out of the forces of a scan until the block ends.
-
-        While nothing touches, no more of it than the film can warm in that time. During a touch, what the untouched
-        taxels show, as far as the rate of the film's temperature is uncertain.
-
-        Parameters
-        ----------
-        touched : bool
-            Whether anything touches.
-        """
-        self._integration.compensate_common_mode(touched)
 
     def _apply_clipped(self) -> None:
         """Increase the variance of saturated taxels by the leakage that the clipped signal did not show."""

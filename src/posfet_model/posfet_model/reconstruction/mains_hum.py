@@ -123,13 +123,8 @@ class MainsHum(scan_path.HumFilter):
         """Root mean square of the taxels' amplitudes, in the unit of the signals."""
         return math.sqrt(2.0 * float(np.mean(self.parts**2)))
 
-    def interrupt(self) -> None:
-        """Reset: an unknown time passes before the next scan, and the phase is lost."""
-        self._reset()
-        self._start_window()
-
     def forget(self) -> None:
-        """Forget what was seen of the window that an interruption has ended."""
+        """Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum."""
         self._suspected, self._pause = None, 0.0
         self._touched[:] = False
 

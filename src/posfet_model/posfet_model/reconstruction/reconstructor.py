@@ -126,7 +126,7 @@ class _LastResult(Reconstruction):
         self.forget()
 
     def forget(self) -> None:
-        """Make contacts and motions anew when they are asked for."""
+        """Drop contacts and motions; they are made when they are asked for."""
         for name in self._made:
             delattr(self, name)
         self._made.clear()

@@ -115,7 +115,7 @@ public:
 
   /// Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame.
   ///
-  /// What is known of the newest scan besides is in its `stamp_uncertainty`.
+  /// What else is known about the newest scan is in its `stamp_uncertainty`.
   double clock_uncertainty() const;
 
   /// Scan period that the board has announced [us].

@@ -16,7 +16,7 @@
 ///
 /// The minimum is that of the last ten seconds with frames. A clock that was set back makes all frames late: whether
 /// that or a delay is the cause cannot be observed. The stamps are early by the shortest delay at most (`lead`), and
-/// after ten seconds that delay is taken for a step of the clock.
+/// after ten seconds that delay counts as a step of the clock.
 #pragma once
 
 #include <cmath>

@@ -14,7 +14,7 @@
 ///     decode_kernel_frame(decoder, bytes, size, sink);   // what one read of a SocketCAN socket has returned
 ///     decoder.end_batch();
 ///
-/// The sink is told in the order of arrival, and uses what it is given before it returns:
+/// The sink is called in the order of arrival, and uses its arguments before it returns:
 ///
 ///     void scan(const CompleteScan& scan, const std::vector<std::uint16_t>& counts);
 ///     void message(Found found, const Frame& frame);  // a status, a response or an identity

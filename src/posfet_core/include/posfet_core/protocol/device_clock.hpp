@@ -10,8 +10,8 @@
 /// A reading that repeats the one before is no time of a later scan: the time is counted on by the sequence. Where
 /// reading and sequence contradict each other, one of them has jumped, and the arrival decides. The reading is right if
 /// the frame arrived after it, and not much later than by the sequence; else that of the two by which the frame is less
-/// delayed. So the time goes on evenly, and the mapping of the clock with it; by how much it may be ahead if the other
-/// one was right, the mapping is told.
+/// delayed. So the time goes on evenly, and the mapping of the clock with it; the mapping gets the
+/// time by which it may be ahead if the other one was right.
 ///
 /// A scan is sampled at its tick or later, and never earlier. What is counted on by the sequence is therefore counted
 /// from the tick of the newest reading, not from the reading.
