@@ -53,6 +53,8 @@ class Wait(NamedTuple):
 
     seconds: float
     """Time between subscription and first message [s]; inf: none within PATIENCE."""
+    matched: float
+    """Part of it until the subscriber knows the publisher [s]; in the rest that learns of the subscriber, and sends."""
     processor: float
     """Part of it in which one of its threads could have run, but had no processor [s]."""
     stack: float
@@ -60,8 +62,8 @@ class Wait(NamedTuple):
 
     @property
     def with_a_processor(self) -> float:
-        """Time without what either lacked a processor for [s]; its parts may be more than the whole."""
-        return self.seconds - self.processor - self.stack
+        """Time without what either lacked a processor for [s]; at least 0, since both may lack one at the same time."""
+        return max(self.seconds - self.processor - self.stack, 0.0)
 
 
 def queued(process: int) -> dict[str, float]:
@@ -81,20 +83,25 @@ def longest(before: dict[str, float], now: dict[str, float]) -> float:
 def subscribe(topic: str, stack: int, results: Connection) -> None:
     """Subscribe to contacts, send how long the first message took, and go on until killed."""
     rclpy = importlib.import_module("rclpy")
+    events = importlib.import_module("rclpy.event_handler").SubscriptionEventCallbacks
     message_type = importlib.import_module("posfet_msgs.msg").TactileContacts
     rclpy.init(args=[])  # those of this process are for the bring-up
     node = rclpy.create_node(f"late_{os.getpid()}")
     received: list[float] = []
+    known: list[float] = []
+
+    def match(_: object) -> None:
+        known.append(time.monotonic() - begin)
 
     def first(_: object) -> None:
         if not received:
             received.append(time.monotonic() - begin)
             lacked = (longest(then, queued(process)) for process, then in before.items())
-            results.send(Wait(received[0], *lacked))
+            results.send(Wait(received[0], (known or received)[0], *lacked))
 
     before = {process: queued(process) for process in (os.getpid(), stack)}
     begin = time.monotonic()
-    node.create_subscription(message_type, topic, first, 10)
+    node.create_subscription(message_type, topic, first, 10, event_callbacks=events(matched=match))
     rclpy.spin(node)
 
 
@@ -124,7 +131,7 @@ def waits(
             number = min(together, kills - len(measured))
             receivers = [group.enter_context(subscriber(context, topic, stack)) for _ in range(number)]
             for receiver in receivers:
-                measured.append(receiver.recv() if receiver.poll(PATIENCE) else Wait(math.inf, 0.0, 0.0))
+                measured.append(receiver.recv() if receiver.poll(PATIENCE) else Wait(math.inf, math.inf, 0.0, 0.0))
             time.sleep(noise.random() * LONGEST_LIFE)
     return measured
 
@@ -150,15 +157,25 @@ def clean_shared_memory() -> Iterator[None]:
         print(f"removed from shared memory: {len(removed)}, left: {len(names() - before)}")
 
 
+def _spread(times: Sequence[float]) -> str:
+    """Return median, nine tenths and maximum of sorted times."""
+    most = times[int(0.9 * len(times))]
+    return f"{statistics.median(times):.3f} s (median), {most:.3f} s (90 %), {times[-1]:.3f} s (all)"
+
+
 def summary(measured: Sequence[Wait]) -> str:
     """Return the distribution in a few lines."""
     times = sorted(wait.seconds for wait in measured)
+    matched = sorted(wait.matched for wait in measured)
+    rest = sorted(wait.with_a_processor for wait in measured)
+    sent = sorted(wait.seconds - wait.matched for wait in measured if math.isfinite(wait.seconds)) or [math.inf]
     late = [wait for wait in measured if wait.seconds > TARGET]
     own = sum(wait.seconds - wait.processor <= TARGET for wait in late)
     either = sum(wait.with_a_processor <= TARGET for wait in late)
     return (
-        f"{len(times)} subscribers: first message after {statistics.median(times):.3f} s (median), "
-        f"{times[int(0.9 * len(times))]:.3f} s (90 %), {times[-1]:.3f} s (all)\n"
+        f"{len(times)} subscribers: first message after {_spread(times)}\n"
+        f"until the publisher is known: {_spread(matched)}; from then on: {_spread(sent)}\n"
+        f"without what it or the stack lacked a processor for: {_spread(rest)}\n"
         f"above {TARGET} s: {len(late)}; "
         f"{own} only since the subscriber lacked a processor, {either} since it or the stack did\n"
         f"slowest: {' '.join(f'{each:.2f}' for each in times[-12:])}"

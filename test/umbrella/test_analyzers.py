@@ -87,6 +87,33 @@ def test_the_statuses_of_all_nodes_have_the_form_of_diagnostic_updater_and_belon
         assert header.frame_id == ""
 
 
+@pytest.mark.ros
+def test_the_aggregator_gets_parameters_of_the_types_that_it_asks_for() -> None:
+    """By the parser of ROS, for a node with the name of the aggregator's, which asks for nothing by name beforehand."""
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+    from rclpy.parameter import Parameter  # noqa: PLC0415
+
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    arguments = ["--ros-args", "--params-file", str(CONFIGURATION)]
+    node = rclpy.create_node(
+        "analyzers", context=context, cli_args=arguments, automatically_declare_parameters_from_overrides=True
+    )
+    try:
+        given = {name: each.type_ for name, each in node.get_parameters_by_prefix("tactile.analyzers").items()}
+        assert node.get_parameter("path").type_ == Parameter.Type.STRING
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+    wanted = {
+        "contains": Parameter.Type.STRING_ARRAY,
+        "path": Parameter.Type.STRING,
+        "timeout": Parameter.Type.DOUBLE,  # as_double of rclcpp takes no integer
+        "type": Parameter.Type.STRING,
+    }
+    assert given == {f"{name}.{key}": kind for name in GROUP["analyzers"] for key, kind in wanted.items()}
+
+
 def test_every_analyzer_has_a_type_of_the_aggregator_and_a_time_after_which_it_says_stale() -> None:
     assert GROUP["type"] == "diagnostic_aggregator/AnalyzerGroup"
     for analyzer in GROUP["analyzers"].values():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import io
 import shlex
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ import pytest
 from posfet.arguments import parse
 from posfet.hand import read_hand
 from posfet_model.design_command import main as design
+from support.bringup_process import needs_installation
 from support.document_blocks import Block, blocks
 from support.paths import DOCS, ROOT
 
@@ -55,6 +57,26 @@ def test_the_launch_file_includes_ours_with_arguments_that_exist() -> None:
     names = {**vars(actions), **vars(launch_description_sources), **vars(ros_actions), **vars(substitutions)}
     text = block("integration.md", "GroupAction(").text
     assert isinstance(eval(text, names), actions.GroupAction)
+
+
+@needs_installation
+@pytest.mark.parametrize("start", ["IncludeLaunchDescription(", "<include"], ids=["Python", "XML"])
+def test_one_line_includes_the_installed_launch_file(start: str) -> None:
+    pytest.importorskip("launch_ros", reason="needs the package launch_ros")
+    pytest.importorskip("launch_xml", reason="needs the package launch_xml")
+    from launch import LaunchContext, actions, launch_description_sources  # noqa: PLC0415
+    from launch.frontend import Parser  # noqa: PLC0415
+    from launch_ros import substitutions  # noqa: PLC0415
+
+    text = block("integration.md", start).text
+    if start.startswith("<"):
+        root, parser = Parser.load(io.StringIO(f"<launch>{text}</launch>"))
+        [included] = parser.parse_description(root).entities
+    else:
+        included = eval(text, {**vars(actions), **vars(launch_description_sources), **vars(substitutions)})
+    assert isinstance(included, actions.IncludeLaunchDescription)
+    description = included.launch_description_source.get_launch_description(LaunchContext())
+    assert {"source", "namespace", "required"} <= {each.name for each in description.get_launch_arguments()}
 
 
 def test_the_included_arguments_exist() -> None:
