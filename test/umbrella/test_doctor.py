@@ -9,14 +9,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -162,6 +165,22 @@ def test_a_can_interface_that_cannot_be_used_is_said_with_its_remedy(
     (finding,) = doctor.can_interfaces()
     assert finding.level == level
     assert text in finding.line()
+
+
+@pytest.mark.skipif(not doctor.LOCKS.is_file(), reason="needs /proc/locks")
+@pytest.mark.skipif(not os.access(doctor.SHARED_MEMORY, os.W_OK), reason="needs /dev/shm")
+def test_what_killed_processes_left_in_shared_memory_is_counted() -> None:
+    with TemporaryDirectory(dir=doctor.SHARED_MEMORY) as name, ExitStack() as held:
+        folder = Path(name)
+        for path in ("fastrtps_1", "fastrtps_1_el", "fastrtps_port7411", "fastrtps_port7411_sl", "other_el"):
+            (folder / path).touch()
+        for path in folder.glob("fastrtps_*_[es]l"):
+            fcntl.flock(held.enter_context(path.open()), fcntl.LOCK_SH)
+        assert found(lambda: doctor.shared_memory(folder)) == [Finding(OK, f"no files of ended processes in {folder}")]
+        held.close()
+        (finding,) = doctor.shared_memory(folder)
+        assert finding.line() == f"note 2 files of ended processes in {folder}: `fastdds shm clean` removes them"
+        assert found(lambda: doctor.shared_memory(folder, folder / "none")) == []
 
 
 def test_the_exit_code_says_whether_something_is_wrong(

@@ -15,10 +15,12 @@ import grp
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -49,6 +51,9 @@ LARGEST_DOMAIN: Final = 101
 RANGES: Final = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 MIN_FREE: Final = 1e9
 """Free space below which recordings are mentioned [byte]."""
+SHARED_MEMORY: Final = Path("/dev/shm")
+"""Where Fast DDS keeps shared memory, each with a file that its process keeps locked."""
+LOCKS: Final = Path("/proc/locks")
 EXCHANGE_TIMEOUT: Final = 10.0
 """Time in which a message must arrive through the middleware [s]."""
 
@@ -222,6 +227,35 @@ def network() -> Iterator[Finding]:
     yield Finding(OK, "loopback interface")
 
 
+def shared_memory(folder: Path = SHARED_MEMORY, locks: Path = LOCKS) -> Iterator[Finding]:
+    """Check for what processes that were killed have left of Fast DDS in shared memory: files whose locks nobody holds.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Folder of the files.
+    locks : Path, optional
+        Locks that are held, as the kernel lists them; without it nothing is found.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
+    if not locks.is_file():
+        return
+    held = set(re.findall(r"\b[0-9a-f]+:[0-9a-f]+:(\d+)\b", locks.read_text(encoding="ascii")))
+    left = 0
+    for path in folder.glob("fastrtps_*_[es]l"):
+        with suppress(FileNotFoundError):  # its process has just ended
+            left += str(path.stat().st_ino) not in held
+    if left:
+        files = "file" if left == 1 else "files"
+        yield Finding(NOTE, f"{left} {files} of ended processes in {folder}", "`fastdds shm clean` removes them")
+    else:
+        yield Finding(OK, f"no files of ended processes in {folder}")
+
+
 def middleware() -> Iterator[Finding]:
     """Check that a message of one participant reaches another one, and list the sensors that run.
 
@@ -262,6 +296,7 @@ def checks() -> Iterator[tuple[str, Callable[[], Iterator[Finding]]]]:
     yield "folders", folders
     yield "ROS 2", lambda: ros_environment(os.environ)
     yield "network", network
+    yield "", shared_memory
     yield "", middleware
 
 
