@@ -98,7 +98,7 @@ def test_the_wheel_holds_all_that_runs_without_ros(wheel: Path, modules: dict[st
         name.rpartition("/")[2] for name in held if name.startswith("posfet_sim/recording/msg/")
     }
     assert "posfet/py.typed" in held
-    for name in ("scan_path", "protocol"):
+    for name in ("scan_path", "protocol", "estimation"):
         assert f"posfet_core/{name}{sysconfig.get_config_var('EXT_SUFFIX')}" in held
     assert not [name for name in held if "/test" in name or "web/" in name]
     assert {COMMANDS[name][0].partition(":")[0] for name in COMMANDS.keys() - NEED_ROS} <= modules.keys()

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.estimation.error_states import CREEPS, ErrorPriors
+from posfet_model.estimation.force_estimator import BLOCK as DURATION
 from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
@@ -263,10 +264,11 @@ def _observe(
     threshold: float,
 ) -> None:
     """Process a scan; taxels above the contact threshold count as touched."""
-    estimated.advance(charge, readings, 1.0 / RATE)
-    estimated.compensate_common_mode(bool(touched.any()))
+    if not estimated.integration.process(charge, readings, 1.0 / RATE):
+        estimated.start(charge)
+    estimated.integration.compensate_common_mode(bool(touched.any()))
     touched |= estimated.force > threshold
-    if estimated.block_due:
+    if estimated.block_time >= DURATION:
         estimated.close_block(touched, [touched.nonzero()[0]] if touched.any() else [])
         touched[:] = estimated.force > threshold
 

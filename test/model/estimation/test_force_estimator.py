@@ -641,3 +641,12 @@ def test_a_taxel_with_telegraph_noise_does_not_stay_in_contact_after_a_long_touc
             errors.append(error / watch.deviation()[CORNER])
     assert np.mean(np.abs(errors) < 2.0) >= 0.9
     assert abs(watch.estimator.force[CORNER]) < THRESHOLD
+
+
+def test_a_film_that_hardly_responds_to_its_temperature_is_one_that_does_not() -> None:
+    # 2.5 N on all taxels: as a temperature of that film, its square is beyond what a number can be.
+    watch = Watch(with_device(pyroelectric_coefficient=2e-290))
+    shape = np.full(TAXELS, 1.0 / TAXELS)
+    forces = history(watch, with_device(pyroelectric_coefficient=0.0), 3.0, force=press(2.5, 1.5, 9.0), shape=shape)
+    assert np.isfinite(forces).all()
+    assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)

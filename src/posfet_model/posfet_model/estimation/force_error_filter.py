@@ -1,6 +1,6 @@
 # Copyright 2026 posfet maintainers
 # Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
-# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# the License. You may obtain a copy of the License at http:#www.apache.org/licenses/LICENSE-2.0 Unless required by
 # applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
@@ -12,95 +12,29 @@ force, offset of the signal, small force beside a contact and relative error of 
 
     t_i = m_i + G_i*(s - s^) + e_i,    cov(e_i) = V_i,    cov(s) = S.
 
-A known force of taxel i measures ``z_i = d_i + r_i + h_i.s + noise``. The update eliminates the taxels one by one: each
-adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, a = (1, 0, 1, 0);
-then each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for what the process
-noise of s makes common to the taxels (docs/estimation.md).
+A known force of taxel i measures ``z_i = d_i + r_i + h_i.s + noise`` (docs/estimation.md).
+
+Compiled: `posfet_core`, estimation/belief.hpp and estimation/force_error_filter.hpp.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
-from posfet_model._lib.types import Array, Mask
-from posfet_model.estimation.error_states import Shared
+from posfet_core import estimation
+from posfet_model._lib.types import Array
 
-OWN: Final = 4
+OWN: Final = estimation.OWN
 """Number of states of each taxel."""
 
+NEGLIGIBLE: Final = estimation.NEGLIGIBLE
+"""Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
 
-@dataclass
-class Belief:
-    """State of the filter: means and covariance of the force errors."""
+Belief = estimation.Belief
 
-    shared: Array
-    """Shared states, shape [shared]; units as in `error_states.Shared`."""
-    covariance: Array
-    """Their covariance S, shape [shared, shared]."""
-    error: Array
-    """Errors of the forces d, offsets of the signals o, small forces r beside a contact, all [N], and relative errors p
-    of the pyroelectric responses [1], shape [taxels, own]."""
-    slope: Array
-    """Regression G of the taxels' errors on the shared states, shape [taxels, own, shared]."""
-    own: Array
-    """Covariance V of the taxels' errors given the shared states [N2], shape [taxels, own, own]."""
-
-    def copy(self) -> Belief:
-        """Return an independent copy."""
-        return Belief(self.shared.copy(), self.covariance.copy(), self.error.copy(), self.slope.copy(), self.own.copy())
-
-    def integrate(self, leaked: Array, driven: Array) -> None:
-        """Add to the force errors what causes them within a time, which may be negative.
-
-        Parameters
-        ----------
-        leaked : ndarray of float64, shape [taxels]
-            Share t/tau of an offset that the integration adds to the force in that time t [1].
-        driven : ndarray of float64, shape [taxels, shared]
-            What the shared states add to the force error in that time.
-        """
-        self.error[:, 0] += leaked * self.error[:, 1] + driven @ self.shared
-        self.slope[:, 0] += leaked[:, None] * self.slope[:, 1] + driven
-        self.own[:, 0] += leaked[:, None] * self.own[:, 1]
-        self.own[:, :, 0] += leaked[:, None] * self.own[:, :, 1]
-
-    def respond(self, expected: Array) -> None:
-        """Add to the force errors what the taxels' own responses make of a change of the film's temperature.
-
-        Parameters
-        ----------
-        expected : ndarray of float64, shape [taxels]
-            Change of the force error that is expected of each taxel without its own deviation p [N].
-        """
-        self.error[:, 0] += expected * self.error[:, 3]
-        self.slope[:, 0] += expected[:, None] * self.slope[:, 3]
-        self.own[:, 0] += expected[:, None] * self.own[:, 3]
-        self.own[:, :, 0] += expected[:, None] * self.own[:, :, 3]
-
-    def forget_small_forces(self, where: Mask) -> None:
-        """Set the small forces r of the masked taxels to zero, as they are not beside a contact."""
-        where = where & (self.own[:, 2, 2] > 0.0)
-        if any_true(where):
-            self.error[where, 2] = 0.0
-            self.forget(where, 2)
-
-    def forget(self, where: Mask | slice, state: int) -> None:
-        """Make one state of the masked taxels exactly known and independent of all others.
-
-        Parameters
-        ----------
-        where : ndarray of bool, shape [taxels], or slice
-            Taxels concerned.
-        state : int
-            Index of the state: 0 for d, 1 for o, 2 for r, 3 for p.
-        """
-        self.slope[where, state] = 0.0
-        self.own[where, state] = 0.0
-        self.own[where, :, state] = 0.0
+ForceErrorFilter = estimation.ForceErrorFilter
 
 
 def start_belief(taxels: int, shared: Array, covariance: Array) -> Belief:
@@ -119,290 +53,3 @@ def start_belief(taxels: int, shared: Array, covariance: Array) -> Belief:
     return Belief(
         shared, covariance, np.zeros((taxels, OWN)), np.zeros((taxels, OWN, size)), np.zeros((taxels, OWN, OWN))
     )
-
-
-NEGLIGIBLE: Final = 1e-14
-"""Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
-
-
-def _roots(covariance: Array) -> tuple[Array, Array]:
-    """Return a root L of a covariance LL', and L^-1, but for states that are known exactly: zero there."""
-    deviation = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    weight = 1.0 / np.where(deviation > 0.0, deviation, np.inf)
-    correlation = covariance * weight
-    correlation *= weight[:, None]
-    correlation.reshape(-1)[:: len(weight) + 1] = 1.0 + NEGLIGIBLE
-    root = np.linalg.cholesky(correlation)
-    return deviation[:, None] * root, np.linalg.inv(root) * weight
-
-
-PAIRS: Final = ((0, 1), (0, 3), (1, 3), (0, 2), (1, 2), (2, 3))
-"""Pairs of different states of a taxel; only the first three without small forces r, which are exactly known then."""
-
-
-class ForceErrorFilter:
-    """Predicts and updates a belief. Matrices are those of the module's docstring.
-
-    Parameters
-    ----------
-    belief : Belief
-        Belief at the start; changed in place.
-    """
-
-    def __init__(self, belief: Belief) -> None:
-        self.belief = belief
-        """The belief."""
-        self._root, self._rooted = belief.covariance, np.zeros(0)  # a root, and the covariance that it belongs to
-
-    def _covariance_root(self) -> Array:
-        """Return a root of the shared states' covariance, which is known from the step before if there was one."""
-        covariance = self.belief.covariance
-        if self._rooted is not covariance:
-            self._root, self._rooted = _roots(covariance)[0], covariance
-        return self._root
-
-    def predict(
-        self, after: Array, matrix: Array, noise: Array, leaked: Array, driven: Array, own_noise: Array
-    ) -> None:
-        """Propagate over a block.
-
-        Parameters
-        ----------
-        after : ndarray of float64, shape [shared]
-            Shared states at its end.
-        matrix : ndarray of float64, shape [shared, shared]
-            Jacobian F of that transition.
-        noise : ndarray of float64, shape [shared, shared]
-            Covariance of the process noise Q of the shared states.
-        leaked : ndarray of float64, shape [taxels]
-            Share T/tau of an offset that the integration adds to the force in the block [1].
-        driven : ndarray of float64, shape [taxels, shared]
-            What the shared states add to the force errors in the block.
-        own_noise : ndarray of float64, shape [taxels, own, own]
-            Covariance of the process noise of each taxel [N2].
-        """
-        b = self.belief
-        b.integrate(leaked, driven)
-        b.own += own_noise
-        self._become(matrix, noise)
-        b.shared = after
-
-    def admit(self, direction: Array, variance: float) -> None:
-        """Raise the uncertainty of the shared states, independently of the taxels' errors.
-
-        Parameters
-        ----------
-        direction : ndarray of float64, shape [shared]
-            How the shared states may have changed together.
-        variance : float
-            Variance of the size of that change [1].
-        """
-        self._become(np.eye(len(direction)), np.outer(direction, direction) * variance)
-
-    def _become(self, matrix: Array, noise: Array) -> None:
-        """Replace the covariance of the shared states, and regress the taxels' errors on the new one.
-
-        Parameters
-        ----------
-        matrix : ndarray of float64, shape [shared, shared]
-            Jacobian F of the transition of the shared states.
-        noise : ndarray of float64, shape [shared, shared]
-            Covariance Q of the noise that they gain.
-        """
-        b = self.belief
-        before, slope = b.covariance, b.slope
-        flat = slope.reshape(-1, len(matrix))
-        spread = flat @ before
-        b.covariance = matrix @ before @ matrix.T + noise
-        self._root, inverse = _roots(b.covariance)
-        self._rooted = b.covariance
-        white = spread @ matrix.T @ inverse.T
-        b.slope = (white @ inverse).reshape(slope.shape)
-        # What the noise takes from the regression stays as the taxel's own: each pair of its states.
-        white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)
-        lost = np.einsum("tij,tij->ti", spread, slope) - np.einsum("tij,tij->ti", white, white)
-        b.own.reshape(len(b.own), -1)[:, :: b.own.shape[1] + 1] += lost
-        for i, j in PAIRS if any_true(b.own[:, 2, 2] > 0.0) else PAIRS[:3]:
-            both = np.einsum("tj,tj->t", spread[:, i], slope[:, j]) - np.einsum("tj,tj->t", white[:, i], white[:, j])
-            b.own[:, i, j] += both
-            b.own[:, j, i] += both
-
-    def innovation(self, measured: Array, response: Array, noise: Array) -> tuple[Array, Array, Array]:
-        """Return the residuals [N], their sensitivity g to the shared states, and their expected deviation [N].
-
-        Parameters
-        ----------
-        measured : ndarray of float64, shape [taxels]
-            Measured errors of the forces [N].
-        response : ndarray of float64, shape [taxels, shared]
-            Responses h of the measurements to the shared states.
-        noise : ndarray of float64, shape [taxels]
-            Variance R of each measurement [N2].
-        """
-        b = self.belief
-        sensitivity = response + b.slope[:, 0] + b.slope[:, 2]
-        own = b.own[:, 0, 0] + 2.0 * b.own[:, 0, 2] + b.own[:, 2, 2]
-        variance = np.maximum(own, 0.0) + noise + self.shared_variance(sensitivity)
-        return measured - self.predicted(response) - b.error[:, 2], sensitivity, np.sqrt(variance)
-
-    def shared_variance(self, sensitivity: Array) -> Array:
-        """Return the variance that the shared states give to residuals of a sensitivity g [N2], shape [taxels]."""
-        variance: Array = np.einsum("ij,ij->i", sensitivity @ self.belief.covariance, sensitivity)
-        return variance
-
-    def own_deviation(self, deviation: Array, sensitivity: Array, noise: Array) -> Array:
-        """Return the deviation of residuals without what the shared states contribute [N], shape [taxels].
-
-        Parameters
-        ----------
-        deviation : ndarray of float64, shape [taxels]
-            Expected deviations of the residuals, as from `innovation` [N].
-        sensitivity : ndarray of float64, shape [taxels, shared]
-            Their sensitivities g.
-        noise : ndarray of float64, shape [taxels]
-            Variance R of each measurement, the least that is left [N2].
-        """
-        own: Array = np.sqrt(np.maximum(deviation**2 - self.shared_variance(sensitivity), noise))
-        return own
-
-    def predicted(self, response: Array) -> Array:
-        """Return the errors of the forces for given responses to the shared states [N], shape [taxels]."""
-        b = self.belief
-        predicted: Array = b.error[:, 0] + response @ b.shared
-        return predicted
-
-    def update(self, where: Mask, residual: Array, sensitivity: Array, noise: Array) -> None:
-        """Update by the residuals of the masked taxels.
-
-        Parameters
-        ----------
-        where : ndarray of bool, shape [taxels]
-            Measured taxels.
-        residual : ndarray of float64, shape [taxels]
-            Residuals as from `innovation` [N].
-        sensitivity : ndarray of float64, shape [taxels, shared]
-            Their sensitivities g.
-        noise : ndarray of float64, shape [taxels]
-            Variance R of each measurement [N2].
-        """
-        b = self.belief
-        own = b.own[:, :, 0] + b.own[:, :, 2]
-        total = own[:, 0] + own[:, 2] + noise
-        weight = where / total
-        weighted = sensitivity * weight[:, None]
-        # S+ = L (I + L'JL)^-1 L' with S = LL' and the information J: stays positive.
-        root = self._covariance_root()
-        seen = np.sqrt(weight)[:, None] * (sensitivity @ root)
-        information = seen.T @ seen
-        information.reshape(-1)[:: len(root) + 1] += 1.0
-        self._root = root @ np.linalg.inv(np.linalg.cholesky(information)).T
-        b.covariance = self._rooted = self._root @ self._root.T
-        change = b.covariance @ (weighted.T @ residual)
-        b.shared = b.shared + change
-        b.error += b.slope @ change
-        self._update_own(weight, own, residual - sensitivity @ change, sensitivity)
-
-    def update_alone(self, where: Mask, residual: Array, sensitivity: Array, noise: Array) -> None:
-        """Update the masked taxels by residuals that tell nothing of the shared states; arguments as for `update`."""
-        own = self.belief.own[:, :, 0] + self.belief.own[:, :, 2]
-        self._update_own(where / (own[:, 0] + own[:, 2] + noise), own, residual, sensitivity)
-
-    def _update_own(self, weight: Array, own: Array, residual: Array, sensitivity: Array) -> None:
-        """Update the taxels' errors given the shared states, by their covariances with the residuals [N2]."""
-        b, gain = self.belief, own * weight[:, None]
-        b.error += gain * residual[:, None]
-        b.slope -= gain[:, :, None] * sensitivity[:, None, :]
-        b.own -= gain[:, :, None] * own[:, None, :]
-
-    def temperature_innovation(self, reading: float, variance: float) -> tuple[float, Array, float]:
-        """Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].
-
-        Parameters
-        ----------
-        reading : float
-            Mean change of the sensors since the start [K].
-        variance : float
-            Variance of its noise [K2].
-        """
-        b = self.belief
-        scale = 1.0 + b.shared[Shared.SCALE]
-        sensors = b.shared[Shared.SENSOR]
-        column = scale * b.covariance[:, Shared.SENSOR] + sensors * b.covariance[:, Shared.SCALE]
-        total = float(scale * column[Shared.SENSOR] + sensors * column[Shared.SCALE]) + variance
-        return float(reading - scale * sensors), column, total
-
-    def measure_temperature(self, reading: float, variance: float) -> None:
-        """Update by a reading of the temperature sensors.
-
-        Parameters
-        ----------
-        reading : float
-            Mean change of the sensors since the start [K].
-        variance : float
-            Variance of its noise [K2].
-        """
-        sensitivity = np.zeros(len(self.belief.shared))
-        sensitivity[Shared.SENSOR] = 1.0 + self.belief.shared[Shared.SCALE]
-        sensitivity[Shared.SCALE] = self.belief.shared[Shared.SENSOR]
-        innovation = self.temperature_innovation(reading, variance)[0]
-        self.measure_shared(innovation, sensitivity, variance)
-
-    def measure_shared(self, innovation: float, sensitivity: Array, variance: float) -> None:
-        """Update by a measurement of the shared states alone.
-
-        Parameters
-        ----------
-        innovation : float
-            Measured less expected value.
-        sensitivity : ndarray of float64, shape [shared]
-            Sensitivity of the measurement to the shared states.
-        variance : float
-            Variance of its noise.
-        """
-        b = self.belief
-        column = b.covariance @ sensitivity
-        gain = column / (float(sensitivity @ column) + variance)
-        kept = np.eye(len(gain)) - np.outer(gain, sensitivity)
-        change = gain * innovation
-        b.shared = b.shared + change
-        b.error += b.slope @ change
-        # The form of Joseph, which stays positive.
-        b.covariance = kept @ b.covariance @ kept.T + variance * np.outer(gain, gain)
-
-    def restart_temperature(self, reading: float, shared: Array, covariance: Array) -> None:
-        """Forget the temperatures, but for a reading of the sensors, after a time that is unknown.
-
-        Film, chip and sensors have that temperature; their other states are as unknown as at the start.
-
-        Parameters
-        ----------
-        reading : float
-            Mean change of the sensors since the start [K].
-        shared : ndarray of float64, shape [shared]
-            Shared states at the start.
-        covariance : ndarray of float64, shape [shared, shared]
-            Their covariance.
-        """
-        b = self.belief
-        b.own += b.slope @ b.covariance @ b.slope.transpose(0, 2, 1)
-        b.slope[:] = 0.0
-        again = [Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE]
-        b.shared[again] = shared[again]
-        b.covariance = b.covariance.copy()
-        b.covariance[again] = b.covariance[:, again] = 0.0
-        b.covariance[np.ix_(again, again)] = covariance[np.ix_(again, again)]
-        b.shared[[Shared.CHIP, Shared.FILM, Shared.SENSOR]] = reading
-
-    def covariance_root(self, response: Array) -> tuple[Array, Array]:
-        """Return the own variance of each force error [N2] and a factor of what they share [N].
-
-        The covariance of the forces is ``diag(own) + factor @ factor.T``.
-
-        Parameters
-        ----------
-        response : ndarray of float64, shape [taxels, shared]
-            Responses h of the force errors to the shared states.
-        """
-        b = self.belief
-        factor = (response + b.slope[:, 0]) @ self._covariance_root()
-        return np.maximum(b.own[:, 0, 0], 0.0), factor

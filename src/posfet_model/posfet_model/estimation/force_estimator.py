@@ -115,6 +115,9 @@ DRIFTING: Final = np.eye(COUNT)[Shared.DRIFT]
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
 
+HOTTEST: Final = 1e3
+"""Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none."""
+
 GREATEST_WARMTH: Final = 0.08
 """Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
 
@@ -210,10 +213,11 @@ class ForceEstimator:
         self._tau = calibration.leak_time_constant.copy()
         self._per_second = 1.0 / self._tau
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self._threshold = sensor.contact.threshold
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
+        self._per_kelvin[taxels * HOTTEST * np.abs(self._per_kelvin) < LEAST_DEVIATION * self._threshold] = 0.0
         self._mean_per_kelvin = float(self._per_kelvin.mean())
         self._noise_variance = np.full(taxels, noise**2)
-        self._threshold = sensor.contact.threshold
         whole = float(np.abs(self._per_kelvin).sum())
         self._negligible = LEAST_DEVIATION * self._threshold / whole if whole else math.inf
         self.max_relative_uncertainty = max_relative_uncertainty
@@ -932,7 +936,7 @@ class ForceEstimator:
         self.force[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
         belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
-        belief.forget(slice(None), 0)
+        belief.forget(np.ones(len(signal), np.bool_), 0)
         belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]

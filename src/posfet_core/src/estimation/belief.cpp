@@ -1,0 +1,114 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/belief.hpp"
+
+#include <algorithm>
+
+namespace posfet {
+
+namespace {
+
+/// Add to the first row and column of a covariance of the taxel those of another state, `share` times.
+void add_to_force_error(double* own, std::size_t state, double share) {
+  for (std::size_t column = 0; column < kOwnStates; ++column) {
+    own[column] += share * own[state * kOwnStates + column];
+  }
+  for (std::size_t row = 0; row < kOwnStates; ++row) {
+    own[row * kOwnStates] += share * own[row * kOwnStates + state];
+  }
+}
+
+}  // namespace
+
+Belief::Belief(std::size_t taxels, std::size_t states)
+    : shared(states, 0.0),
+      error(taxels * kOwnStates, 0.0),
+      slope(taxels * kOwnStates * states, 0.0),
+      own(taxels * kOwnStates * kOwnStates, 0.0),
+      covariance_(states * states, 0.0),
+      root_(states * states, 0.0) {}
+
+const SquareMatrix& Belief::root() const {
+  if (!rooted_) {
+    SquareMatrix inverse;
+    root_of_covariance(covariance_, states(), root_, inverse);
+    rooted_ = true;
+  }
+  return root_;
+}
+
+void Belief::set_covariance(const SquareMatrix& covariance) {
+  covariance_ = covariance;
+  rooted_ = false;
+}
+
+void Belief::set_covariance(const SquareMatrix& covariance, const SquareMatrix& root) {
+  covariance_ = covariance;
+  root_ = root;
+  rooted_ = true;
+}
+
+void Belief::set_root(const SquareMatrix& root) {
+  root_ = root;
+  rooted_ = true;
+  const std::size_t size = states();
+  for (std::size_t row = 0; row < size; ++row) {
+    for (std::size_t column = 0; column <= row; ++column) {
+      const double value = dot(root.data() + row * size, root.data() + column * size, size);
+      covariance_[row * size + column] = covariance_[column * size + row] = value;
+    }
+  }
+}
+
+void Belief::integrate(const double* leaked, const double* driven) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double share = leaked[taxel];
+    const double* drive = driven + taxel * states();
+    double* errors = error_of(taxel);
+    errors[kForceError] += share * errors[kOffset] + dot(drive, shared.data(), states());
+    double* changed = slope_of(taxel, kForceError);
+    const double* offset = slope_of(taxel, kOffset);
+    for (std::size_t state = 0; state < states(); ++state) {
+      changed[state] += share * offset[state] + drive[state];
+    }
+    add_to_force_error(own_of(taxel), kOffset, share);
+  }
+}
+
+void Belief::respond(const double* expected) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double share = expected[taxel];
+    double* errors = error_of(taxel);
+    errors[kForceError] += share * errors[kPyroelectric];
+    double* changed = slope_of(taxel, kForceError);
+    const double* response = slope_of(taxel, kPyroelectric);
+    for (std::size_t state = 0; state < states(); ++state) {
+      changed[state] += share * response[state];
+    }
+    add_to_force_error(own_of(taxel), kPyroelectric, share);
+  }
+}
+
+void Belief::forget_small_forces(const bool* where) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (where[taxel] && own_of(taxel)[kSmallForce * kOwnStates + kSmallForce] > 0.0) {
+      error_of(taxel)[kSmallForce] = 0.0;
+      forget(taxel, kSmallForce);
+    }
+  }
+}
+
+void Belief::forget(std::size_t taxel, std::size_t state) {
+  std::fill_n(slope_of(taxel, state), states(), 0.0);
+  double* covariance = own_of(taxel);
+  for (std::size_t other = 0; other < kOwnStates; ++other) {
+    covariance[state * kOwnStates + other] = covariance[other * kOwnStates + state] = 0.0;
+  }
+}
+
+}  // namespace posfet

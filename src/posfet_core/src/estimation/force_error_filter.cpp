@@ -1,0 +1,388 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/force_error_filter.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "posfet_core/estimation/shared_states.hpp"
+
+namespace posfet {
+
+namespace {
+
+constexpr std::size_t at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
+
+}  // namespace
+
+/// How a taxel's errors follow from a residual of its force.
+struct ForceErrorFilter::Gain {
+  std::array<double, kOwnStates> own;  ///< Covariance of the errors with the residual [N2].
+  double weight;                       ///< One over its variance, but for what the shared states contribute [1/N2].
+};
+
+ForceErrorFilter::ForceErrorFilter(std::shared_ptr<Belief> belief) : belief_(std::move(belief)) {
+  if (!belief_) {
+    throw std::invalid_argument("a filter needs a belief");
+  }
+  const std::size_t states = belief_->states();
+  for (SquareMatrix* work : {&matrix_, &transposed_, &covariance_, &root_, &inverse_}) {
+    work->assign(states * states, 0.0);
+  }
+  spread_.assign(kOwnStates * states, 0.0);
+  white_.assign(kOwnStates * states, 0.0);
+  row_.assign(states, 0.0);
+  pull_.assign(states, 0.0);
+}
+
+void ForceErrorFilter::set_belief(std::shared_ptr<Belief> belief) {
+  if (!belief || belief->taxels() != belief_->taxels() || belief->states() != belief_->states()) {
+    throw std::invalid_argument("belief must be of the same array");
+  }
+  belief_ = std::move(belief);
+}
+
+void ForceErrorFilter::predict(const BlockTransition& block) {
+  Belief& b = *belief_;
+  b.integrate(block.leaked, block.driven);
+  for (std::size_t index = 0; index < b.own.size(); ++index) {
+    b.own[index] += block.own_noise[index];
+  }
+  become(block.matrix, block.noise);
+  b.shared.assign(block.after, block.after + b.states());
+}
+
+void ForceErrorFilter::admit(const double* direction, double variance) {
+  const std::size_t states = belief_->states();
+  std::vector<double> same(states * states, 0.0);
+  std::vector<double> noise(states * states);
+  for (std::size_t row = 0; row < states; ++row) {
+    same[row * states + row] = 1.0;
+    for (std::size_t column = 0; column < states; ++column) {
+      noise[row * states + column] = direction[row] * direction[column] * variance;
+    }
+  }
+  become(same.data(), noise.data());
+}
+
+/// Replace the covariance S of the shared states by F S F' + Q, and regress the taxels' errors on the new states.
+void ForceErrorFilter::become(const double* matrix, const double* noise) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  matrix_.assign(matrix, matrix + states * states);
+  transpose(matrix_, transposed_, states);
+  multiply(matrix, b.covariance().data(), root_.data(), states, states, states);
+  multiply(root_.data(), transposed_.data(), covariance_.data(), states, states, states);
+  for (std::size_t index = 0; index < covariance_.size(); ++index) {
+    covariance_[index] += noise[index];
+  }
+  mirror_lower(covariance_, states);
+  root_of_covariance(covariance_, states, root_, inverse_);
+  SquareMatrix& whitening = matrix_;
+  transpose(inverse_, whitening, states);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    regress(taxel, transposed_.data(), whitening.data());
+  }
+  b.set_covariance(covariance_, root_);
+}
+
+/// Find G S and the white G S F' (L^-1)' of one state of a taxel. Returns whether it depends on the shared states.
+bool ForceErrorFilter::whiten(std::size_t taxel, std::size_t state, const double* transposed, const double* whitening) {
+  const Belief& b = *belief_;
+  const std::size_t states = b.states();
+  const double* slope = b.slope_of(taxel, state);
+  if (std::all_of(slope, slope + states, [](double each) { return each == 0.0; })) {
+    return false;
+  }
+  double* spread = spread_.data() + state * states;
+  double* white = white_.data() + state * states;
+  multiply(slope, b.covariance().data(), spread, 1, states, states);
+  multiply(spread, transposed, row_.data(), 1, states, states);
+  multiply(row_.data(), whitening, white, 1, states, states);
+  return true;
+}
+
+/// Regress the errors of a taxel on the new shared states, by F' and by the transposed inverse of their root. What the
+/// noise takes from the regression stays as the taxel's own.
+void ForceErrorFilter::regress(std::size_t taxel, const double* transposed, const double* whitening) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  std::array<std::size_t, kOwnStates> regressed{};
+  std::size_t count = 0;
+  for (std::size_t state = 0; state < kOwnStates; ++state) {
+    if (whiten(taxel, state, transposed, whitening)) {
+      regressed[count++] = state;
+    }
+  }
+  double* own = b.own_of(taxel);
+  for (std::size_t one = 0; one < count; ++one) {
+    for (std::size_t other = 0; other <= one; ++other) {
+      const std::size_t row = regressed[one];
+      const std::size_t column = regressed[other];
+      const double lost = dot(spread_.data() + row * states, b.slope_of(taxel, column), states) -
+                          dot(white_.data() + row * states, white_.data() + column * states, states);
+      own[at(row, column)] += lost;
+      own[column * kOwnStates + row] = own[at(row, column)];
+    }
+  }
+  for (std::size_t one = 0; one < count; ++one) {
+    multiply(white_.data() + regressed[one] * states, inverse_.data(), b.slope_of(taxel, regressed[one]), 1, states,
+             states);
+  }
+}
+
+void ForceErrorFilter::innovation(const double* measured, const double* response, const double* noise, double* residual,
+                                  double* sensitivity, double* deviation) const {
+  const Belief& b = *belief_;
+  const std::size_t states = b.states();
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    const double* force_error = b.slope_of(taxel, kForceError);
+    const double* small_force = b.slope_of(taxel, kSmallForce);
+    for (std::size_t state = 0; state < states; ++state) {
+      const std::size_t index = taxel * states + state;
+      sensitivity[index] = response[index] + force_error[state] + small_force[state];
+    }
+  }
+  shared_variance(sensitivity, deviation);
+  predicted(response, residual);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    residual[taxel] = measured[taxel] - residual[taxel] - b.error_of(taxel)[kSmallForce];
+    const double* own = b.own_of(taxel);
+    const double alone =
+        own[at(kForceError, kForceError)] + 2.0 * own[at(kForceError, kSmallForce)] + own[at(kSmallForce, kSmallForce)];
+    deviation[taxel] = std::sqrt(std::max(alone, 0.0) + noise[taxel] + deviation[taxel]);
+  }
+}
+
+void ForceErrorFilter::shared_variance(const double* sensitivity, double* variance) const {
+  const Belief& b = *belief_;
+  const std::size_t states = b.states();
+  std::vector<double> row(states);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    multiply(sensitivity + taxel * states, b.covariance().data(), row.data(), 1, states, states);
+    variance[taxel] = dot(row.data(), sensitivity + taxel * states, states);
+  }
+}
+
+void ForceErrorFilter::own_deviation(const double* deviation, const double* sensitivity, const double* noise,
+                                     double* own) const {
+  shared_variance(sensitivity, own);
+  for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
+    own[taxel] = std::sqrt(std::max(deviation[taxel] * deviation[taxel] - own[taxel], noise[taxel]));
+  }
+}
+
+void ForceErrorFilter::predicted(const double* response, double* errors) const {
+  const Belief& b = *belief_;
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    errors[taxel] = b.error_of(taxel)[kForceError] + dot(response + taxel * b.states(), b.shared.data(), b.states());
+  }
+}
+
+ForceErrorFilter::Gain ForceErrorFilter::gain_of(std::size_t taxel, double noise) const {
+  const double* own = belief_->own_of(taxel);
+  Gain gain{};
+  for (std::size_t state = 0; state < kOwnStates; ++state) {
+    gain.own[state] = own[state * kOwnStates + kForceError] + own[state * kOwnStates + kSmallForce];
+  }
+  gain.weight = 1.0 / (gain.own[kForceError] + gain.own[kSmallForce] + noise);
+  return gain;
+}
+
+/// Add to the information J on the shared states, seen through the root L, and to their pull what the residuals of some
+/// taxels say: L'JL and the sum of g residual/v.
+void ForceErrorFilter::inform(const bool* where, const double* residual, const double* sensitivity,
+                              const double* noise) {
+  const Belief& b = *belief_;
+  const std::size_t states = b.states();
+  std::fill(matrix_.begin(), matrix_.end(), 0.0);
+  std::fill(pull_.begin(), pull_.end(), 0.0);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    if (!where[taxel]) {
+      continue;
+    }
+    const double weight = gain_of(taxel, noise[taxel]).weight;
+    const double* sensed = sensitivity + taxel * states;
+    multiply(sensed, b.root().data(), row_.data(), 1, states, states);
+    for (std::size_t row = 0; row < states; ++row) {
+      const double factor = weight * row_[row];
+      for (std::size_t column = 0; column <= row; ++column) {
+        matrix_[row * states + column] += factor * row_[column];
+      }
+      pull_[row] += weight * residual[taxel] * sensed[row];
+    }
+  }
+}
+
+void ForceErrorFilter::update(const bool* where, const double* residual, const double* sensitivity,
+                              const double* noise) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  // S+ = L (I + L'JL)^-1 L' with S = LL': stays positive.
+  inform(where, residual, sensitivity, noise);
+  for (std::size_t state = 0; state < states; ++state) {
+    matrix_[state * states + state] += 1.0;
+  }
+  replace_by_root(matrix_, states);
+  invert_lower(matrix_, inverse_, states);
+  transpose(inverse_, transposed_, states);
+  multiply(b.root().data(), transposed_.data(), root_.data(), states, states, states);
+  b.set_root(root_);
+  multiply(pull_.data(), b.covariance().data(), row_.data(), 1, states, states);
+  shift(row_.data());
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    if (where[taxel]) {
+      const double* sensed = sensitivity + taxel * states;
+      update_own(taxel, gain_of(taxel, noise[taxel]), residual[taxel] - dot(sensed, row_.data(), states), sensed);
+    }
+  }
+}
+
+/// Change the shared states, and with them the errors of the taxels.
+void ForceErrorFilter::shift(const double* change) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  for (std::size_t state = 0; state < states; ++state) {
+    b.shared[state] += change[state];
+  }
+  for (std::size_t index = 0; index < b.error.size(); ++index) {
+    b.error[index] += dot(b.slope.data() + index * states, change, states);
+  }
+}
+
+void ForceErrorFilter::update_alone(const bool* where, const double* residual, const double* sensitivity,
+                                    const double* noise) {
+  for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
+    if (where[taxel]) {
+      update_own(taxel, gain_of(taxel, noise[taxel]), residual[taxel], sensitivity + taxel * belief_->states());
+    }
+  }
+}
+
+/// Update the errors of a taxel given the shared states.
+void ForceErrorFilter::update_own(std::size_t taxel, const Gain& gain, double residual, const double* sensitivity) {
+  Belief& b = *belief_;
+  double* own = b.own_of(taxel);
+  for (std::size_t state = 0; state < kOwnStates; ++state) {
+    const double factor = gain.own[state] * gain.weight;
+    if (factor == 0.0) {
+      continue;  // known exactly
+    }
+    b.error_of(taxel)[state] += factor * residual;
+    double* slope = b.slope_of(taxel, state);
+    for (std::size_t shared = 0; shared < b.states(); ++shared) {
+      slope[shared] -= factor * sensitivity[shared];
+    }
+    for (std::size_t other = 0; other < kOwnStates; ++other) {
+      own[state * kOwnStates + other] -= factor * gain.own[other];
+    }
+  }
+}
+
+void ForceErrorFilter::require_temperatures() const {
+  if (belief_->states() < kThermal) {
+    throw std::invalid_argument("the belief has no states for the temperatures");
+  }
+}
+
+TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, double variance) const {
+  require_temperatures();
+  const Belief& b = *belief_;
+  const double scale = 1.0 + b.shared[kScale];
+  const double sensors = b.shared[kSensor];
+  TemperatureInnovation found{reading - scale * sensors, std::vector<double>(b.states()), variance};
+  for (std::size_t state = 0; state < b.states(); ++state) {
+    const double* row = b.covariance().data() + state * b.states();
+    found.column[state] = scale * row[kSensor] + sensors * row[kScale];
+  }
+  found.variance += scale * found.column[kSensor] + sensors * found.column[kScale];
+  return found;
+}
+
+void ForceErrorFilter::measure_temperature(double reading, double variance) {
+  const double innovation = temperature_innovation(reading, variance).innovation;
+  std::vector<double> sensitivity(belief_->states(), 0.0);
+  sensitivity[kSensor] = 1.0 + belief_->shared[kScale];
+  sensitivity[kScale] = belief_->shared[kSensor];
+  measure_shared(innovation, sensitivity.data(), variance);
+}
+
+void ForceErrorFilter::measure_shared(double innovation, const double* sensitivity, double variance) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  std::vector<double> gain(states);
+  multiply(sensitivity, b.covariance().data(), gain.data(), 1, states, states);
+  const double total = dot(sensitivity, gain.data(), states) + variance;
+  for (double& each : gain) {
+    each /= total;
+  }
+  for (std::size_t state = 0; state < states; ++state) {
+    row_[state] = gain[state] * innovation;
+  }
+  shift(row_.data());
+  // The form of Joseph, which stays positive.
+  for (std::size_t row = 0; row < states; ++row) {
+    for (std::size_t column = 0; column < states; ++column) {
+      matrix_[row * states + column] = (row == column ? 1.0 : 0.0) - gain[row] * sensitivity[column];
+    }
+  }
+  transpose(matrix_, transposed_, states);
+  multiply(matrix_.data(), b.covariance().data(), root_.data(), states, states, states);
+  multiply(root_.data(), transposed_.data(), covariance_.data(), states, states, states);
+  for (std::size_t row = 0; row < states; ++row) {
+    for (std::size_t column = 0; column <= row; ++column) {
+      covariance_[row * states + column] += variance * gain[row] * gain[column];
+    }
+  }
+  mirror_lower(covariance_, states);
+  b.set_covariance(covariance_);
+}
+
+void ForceErrorFilter::restart_temperature(double reading, const double* shared, const double* covariance) {
+  require_temperatures();
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {  // V + G S G'
+    multiply(b.slope_of(taxel, 0), b.covariance().data(), spread_.data(), kOwnStates, states, states);
+    for (std::size_t index = 0; index < kOwnStates * kOwnStates; ++index) {
+      const double* spread = spread_.data() + index / kOwnStates * states;
+      b.own_of(taxel)[index] += dot(spread, b.slope_of(taxel, index % kOwnStates), states);
+    }
+  }
+  std::fill(b.slope.begin(), b.slope.end(), 0.0);
+  covariance_ = b.covariance();
+  for (std::size_t thermal = 0; thermal < kThermal; ++thermal) {
+    for (std::size_t state = 0; state < states; ++state) {
+      const double value = state < kThermal ? covariance[thermal * states + state] : 0.0;
+      covariance_[thermal * states + state] = covariance_[state * states + thermal] = value;
+    }
+  }
+  b.set_covariance(covariance_);
+  std::copy_n(shared, static_cast<std::size_t>(kThermal), b.shared.begin());
+  b.shared[kChip] = b.shared[kFilm] = b.shared[kSensor] = reading;
+}
+
+void ForceErrorFilter::covariance_root(const double* response, double* own, double* factor) const {
+  const Belief& b = *belief_;
+  const std::size_t states = b.states();
+  const SquareMatrix& root = b.root();
+  std::vector<double> row(states);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    const double* force_error = b.slope_of(taxel, kForceError);
+    for (std::size_t state = 0; state < states; ++state) {
+      row[state] = response[taxel * states + state] + force_error[state];
+    }
+    multiply(row.data(), root.data(), factor + taxel * states, 1, states, states);
+    own[taxel] = std::max(b.own_of(taxel)[at(kForceError, kForceError)], 0.0);
+  }
+}
+
+}  // namespace posfet
