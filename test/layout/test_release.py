@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import runpy
 import subprocess
@@ -23,6 +24,8 @@ from support.paths import DATA, ROOT, SOURCES
 
 PACKAGES = sorted(path.parent for path in SOURCES.glob("*/package.xml"))
 VERSION = posfet_model.__version__
+SHARED = ("support", "reference")
+"""Folders beside the tests whose modules they import."""
 each_package = pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 
 
@@ -108,3 +111,33 @@ def test_links_of_a_package_lead_to_what_its_release_holds(package: Path) -> Non
         assert link.resolve().is_relative_to(ROOT)
     assert list((package / "test").rglob("*")), "no tests"
     assert (package / "pytest.ini").is_file(), "pytest would take the settings of the repository"
+
+
+def imported(path: Path) -> set[str]:
+    """Return the modules that a file may import, and the objects that it takes from them, by their full names."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {each.name for each in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+    return found
+
+
+@each_package
+def test_a_package_has_what_its_tests_import_from_beside_them(package: Path) -> None:
+    """`colcon test` and a release run them in the folder of the package."""
+    folder = package / "test"
+    todo = [path for subject in folder.iterdir() if subject.name not in SHARED for path in subject.rglob("*.py")]
+    read, missing = set(), set()
+    while todo:
+        path = todo.pop()
+        for name in imported(path) - read:
+            read.add(name)
+            if name.partition(".")[0] in SHARED:
+                module = folder.joinpath(*name.split(".")).with_suffix(".py")
+                if module.is_file():
+                    todo.append(module)
+                elif not (folder / name.partition(".")[0]).is_dir():
+                    missing.add(f"{path.relative_to(package)}: {name}")
+    assert missing == set()

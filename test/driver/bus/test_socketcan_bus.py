@@ -345,7 +345,9 @@ def test_bus_off_is_reported_until_the_controller_recovers(device: Device) -> No
 def test_a_device_that_appears_later_is_opened(
     kernel: FakeSocketcan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a separate process
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a separate process, ...
+    for name in [name for name in logging.Logger.manager.loggerDict if name.startswith("can.")]:
+        monkeypatch.setattr(logging.getLogger(name), "propagate", True)  # ... which has not imported launch
     bench = Bench(SETTINGS)
     bench.board.open()
     assert capsys.readouterr().err == ""
