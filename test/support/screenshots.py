@@ -29,6 +29,8 @@ TWO_HELD = (
     "[...document.querySelectorAll('.contacts td:nth-child(2)')].map((cell) => cell.textContent).join() == 'held,held'"
 )
 """Both fingers of the scene touch."""
+SHOWN = f"{TWO_HELD} && document.body.textContent.includes('0 scans missing')"
+"""They still do after the picture, and the machine was fast enough for every scan."""
 
 
 def main() -> int:
@@ -56,8 +58,14 @@ def main() -> int:
                     for _ in range(TRIES):
                         page.wait(TWO_HELD)
                         page.screenshot(options.out / f"{name}.png")
-                        if page.evaluate(TWO_HELD):  # as the picture shows, unless the machine was busy meanwhile
+                        if page.evaluate(SHOWN):  # as the picture shows, unless the machine was busy meanwhile
                             break
+                    else:
+                        print(
+                            f"{name}: no picture in {TRIES} has both fingers and every scan: the machine is too busy",
+                            file=sys.stderr,
+                        )
+                        return 1
                     print(f"{options.out / name}.png: written")
                     assert not page.errors, page.errors
     finally:
