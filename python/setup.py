@@ -74,13 +74,13 @@ def compiled() -> list[Extension]:
             sources=sorted(str(path) for path in folder.glob("*.cpp")),
             depends=headers(),
             include_dirs=[str(CORE / "include"), *found],
-            extra_compile_args=["-std=c++17", level, "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
+            extra_compile_args=["-std=c++17", "-O2", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
             language="c++",
         )
-        for name, folder, level in (
-            ("scan_path", CORE / "src", "-O2"),
-            ("protocol", CORE / "src" / "protocol", "-O2"),
-            ("estimation", CORE / "src" / "estimation", "-O3"),
+        for name, folder in (
+            ("scan_path", CORE / "src"),
+            ("protocol", CORE / "src" / "protocol"),
+            ("estimation", CORE / "src" / "estimation"),
         )
     ]
 

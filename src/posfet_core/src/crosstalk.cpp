@@ -11,6 +11,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "posfet_core/product.hpp"
+
 namespace posfet {
 
 namespace {
@@ -33,21 +35,6 @@ std::vector<double> sines(std::size_t size) {
 
 double along(std::size_t mode, std::size_t size) {
   return 2.0 * std::cos(kPi * static_cast<double>(mode + 1) / static_cast<double>(size + 1));
-}
-
-/// product = one * other, of the shapes [rows, inner] and [inner, cols].
-void multiply(const double* one, const double* other, double* product, std::size_t rows, std::size_t inner,
-              std::size_t cols) {
-  for (std::size_t row = 0; row < rows; ++row) {
-    double* line = product + row * cols;
-    std::fill(line, line + cols, 0.0);
-    for (std::size_t k = 0; k < inner; ++k) {
-      const double factor = one[row * inner + k];
-      for (std::size_t col = 0; col < cols; ++col) {
-        line[col] += factor * other[k * cols + col];
-      }
-    }
-  }
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/product.hpp"
 
 namespace posfet {
 

@@ -12,33 +12,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "posfet_core/product.hpp"
+
 namespace posfet {
-
-namespace {
-
-/// out += a b for a row a of `count` values and a matrix b with as many rows, of `columns` values each.
-void add_product(const double* row, const double* matrix, double* out, std::size_t count, std::size_t columns) {
-  for (std::size_t index = 0; index < count; ++index) {
-    const double factor = row[index];
-    if (factor == 0.0) {
-      continue;  // transitions and regressions are sparse
-    }
-    const double* added = matrix + index * columns;
-    for (std::size_t column = 0; column < columns; ++column) {
-      out[column] += factor * added[column];
-    }
-  }
-}
-
-}  // namespace
-
-void multiply(const double* left, const double* right, double* out, std::size_t rows, std::size_t inner,
-              std::size_t columns) {
-  std::fill(out, out + rows * columns, 0.0);
-  for (std::size_t row = 0; row < rows; ++row) {
-    add_product(left + row * inner, right, out + row * columns, inner, columns);
-  }
-}
 
 void transpose(const SquareMatrix& matrix, SquareMatrix& out, std::size_t size) {
   out.resize(size * size);

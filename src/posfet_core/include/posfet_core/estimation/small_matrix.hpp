@@ -19,10 +19,6 @@ using SquareMatrix = std::vector<double>;
 /// Added to the correlation of each state with itself [1]: correlations are positive within rounding, then.
 constexpr double kNegligibleCorrelation = 1e-14;
 
-/// out = a b for matrices of [rows, inner] and [inner, columns] values.
-void multiply(const double* left, const double* right, double* out, std::size_t rows, std::size_t inner,
-              std::size_t columns);
-
 /// Transposed matrix of `size` rows.
 void transpose(const SquareMatrix& matrix, SquareMatrix& out, std::size_t size);
 
