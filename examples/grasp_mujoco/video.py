@@ -90,6 +90,12 @@ def draw(task: Task, out: Path, rate: float, seed: int = 0, duration: float = 1.
     first.save(out, save_all=True, append_images=others, duration=round(1000 / PLAYED), loop=0, optimize=True)
 
 
+def described(frame: Frame) -> str:
+    """Return time, pull of the weight and force on the left fingertip in words."""
+    felt = round(float(frame.images[0].sum()), 2) + 0.0  # no -0.00
+    return f"{frame.time:.2f} s\npull {frame.pull:.2f} N\nfelt {felt:.2f} N"
+
+
 def _picture(runs: list[tuple[Trial, list[Frame]]], index: int) -> Image.Image:
     figure = Figure(figsize=SIZE, dpi=DOTS)
     grid = figure.add_gridspec(
@@ -115,13 +121,7 @@ def _picture(runs: list[tuple[Trial, list[Frame]]], index: int) -> Image.Image:
             axes.set(xticks=[], yticks=[], xlabel=("left", "right")[side])
         label = figure.add_subplot(grid[1, begin + 1])
         label.axis("off")
-        label.text(
-            0.5,
-            0.5,
-            f"{frame.time:.2f} s\n+{frame.pull:.2f} N\n{frame.images[0].sum():.2f} N felt",
-            ha="center",
-            va="center",
-        )
+        label.text(0.5, 0.5, described(frame), ha="center", va="center")
         _strip(figure.add_subplot(grid[2, columns]), trial, frame.time)
     canvas = FigureCanvasAgg(figure)
     buffer = io.BytesIO()

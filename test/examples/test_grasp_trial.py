@@ -95,6 +95,14 @@ def test_the_film_of_a_grasp_is_an_animated_gif(tmp_path: Path) -> None:
         assert picture.size == (720, 450)
 
 
+def test_the_words_in_the_film_have_no_negative_zero() -> None:
+    pytest.importorskip("matplotlib")
+    from examples.grasp_mujoco.video import Frame, described  # noqa: PLC0415
+
+    images = (np.full((5, 5), -1e-4), np.zeros((5, 5)))
+    assert described(Frame(0.1, 0.0, 0.0, 0.0, 0.0, images)) == "0.10 s\npull 0.00 N\nfelt 0.00 N"
+
+
 def documented() -> list[list[str]]:
     """Return the arguments of each command of the document."""
     blocks = "\n".join(re.findall(r"```bash\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL))
