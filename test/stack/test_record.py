@@ -92,6 +92,25 @@ def test_chosen_topics_are_recorded_with_their_schemas(
     assert len(found) == 2
 
 
+def test_messages_that_wait_are_written_in_the_order_of_their_arrival(
+    tmp_path: Path, context: Context, executor: SingleThreadedExecutor
+) -> None:
+    path = tmp_path / "x.mcap"
+    talker = rclpy.create_node("talker", context=context)
+    publishers = [talker.create_publisher(TactileRaw, f"/thumb/{name}", 100) for name in ("first", "second")]
+    file = MessageFile(path, "test")
+    recorder = RecorderNode(file, ["thumb"], ["first", "second"], context=context)
+    for node in (talker, recorder):
+        executor.add_node(node)
+    spin_until(executor, lambda: all(each.get_subscription_count() == 1 for each in publishers))
+    for sequence in range(100):  # nothing is read meanwhile
+        publishers[sequence % 2].publish(TactileRaw(sequence=sequence))
+    spin_until(executor, lambda: file.messages == 100)
+    file.close()
+    found = [each.topic.reader.read(each.data)["sequence"] for each in Recording(path).messages()]
+    assert found == list(range(100))
+
+
 def test_a_full_disk_ends_a_recording_with_its_reason(
     tmp_path: Path, context: Context, executor: SingleThreadedExecutor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,8 +122,8 @@ def test_a_full_disk_ends_a_recording_with_its_reason(
         raise DiskFull("x.mcap: no space")
 
     monkeypatch.setattr(file, "add", full)
-    recorder._write(1, b"")
-    recorder._write(1, b"")
+    recorder._write(1, b"", 0)
+    recorder._write(1, b"", 0)
     assert recorder.failure == "x.mcap: no space"
     file.close()
 

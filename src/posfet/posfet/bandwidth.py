@@ -82,12 +82,12 @@ class Counter(RawTopics):
         self.counts: dict[str, Count] = {}
         super().__init__("posfet_bandwidth", namespaces, topics, best_effort, **node_arguments)
 
-    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
+    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes, int], None]:
         """Return what counts the messages of a topic."""
         self.counts[name] = Count()
         return partial(self._take, name)
 
-    def _take(self, name: str, data: bytes) -> None:
+    def _take(self, name: str, data: bytes, _received: int) -> None:
         count = self.counts[name]
         count.messages += 1
         count.bytes += len(data)

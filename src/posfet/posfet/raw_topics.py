@@ -13,10 +13,12 @@ import argparse
 import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from operator import itemgetter
 from typing import Any, Final
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from posfet_model.config import ConfigError
 
@@ -26,6 +28,8 @@ DEPTH: Final = 1000
 """Depth of the queue of a topic: one second at 1 kHz."""
 DISCOVERY_PERIOD: Final = 0.25
 """Period at which new topics are looked for [s]."""
+READ_PERIOD: Final = 0.02
+"""Period at which queues are read [s]: a small part of what they hold, and many messages each time."""
 
 
 def add_topic_options(parser: argparse.ArgumentParser, example: str, note: str = "") -> None:
@@ -55,7 +59,9 @@ def add_topic_options(parser: argparse.ArgumentParser, example: str, note: str =
 class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
     """Subscribes to topics of sensors, whatever their types; what is done with their messages, a subclass says.
 
-    Topics that appear later are subscribed to from then on.
+    Topics that appear later are subscribed to from then on. Queues are read at a period of their own, by a timer of
+    this node. An executor that is woken by each message takes several times the processor time, more than there is
+    for all topics of a sensor at 1 kHz. So the subscriptions are those of a second node, which no executor knows.
 
     Parameters
     ----------
@@ -79,7 +85,12 @@ class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
         best_effort: bool = False,
         **node_arguments: Any,
     ) -> None:
-        super().__init__(f"{name}_{os.getpid()}", cli_args=[], use_global_arguments=False, **node_arguments)
+        settings = {"cli_args": [], "use_global_arguments": False, **node_arguments}
+        super().__init__(f"{name}_{os.getpid()}", **settings)
+        self._subscriber = Node(
+            f"{name}_{os.getpid()}_topics", start_parameter_services=False, enable_rosout=False, **settings
+        )
+        self._queues: list[tuple[Subscription, Callable[[bytes, int], None]]] = []
         self._prefixes = tuple(f"/{namespace}/" for namespace in namespaces)
         self._wanted = {
             topic if topic.startswith("/") else f"{prefix}{topic}" for topic in topics for prefix in self._prefixes
@@ -90,13 +101,33 @@ class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
         """Names of the topics that are subscribed to."""
         self._discover()
         self.create_timer(DISCOVERY_PERIOD, self._discover)
+        self.create_timer(READ_PERIOD, self.read)
+
+    def destroy_node(self) -> None:
+        """Destroy this node and its subscriptions."""
+        self._subscriber.destroy_node()
+        super().destroy_node()
+
+    def read(self) -> None:
+        """Hand on what has arrived, in the order of arrival."""
+        arrived = []
+        for subscription, take in self._queues:
+            with subscription.handle:
+                for _ in range(DEPTH):
+                    message = subscription.handle.take_message(subscription.msg_type, True)
+                    if message is None:
+                        break
+                    data, details = message
+                    arrived.append((details["received_timestamp"], take, data))
+        for received, take, data in sorted(arrived, key=itemgetter(0)):
+            take(data, received)
 
     @property
     def missing(self) -> list[str]:
         """Chosen topics that nobody publishes."""
         return sorted(self._wanted - set(self.subscribed))
 
-    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
+    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes, int], None]:
         """Return what takes the messages of a topic that has been found; a subclass defines it.
 
         Parameters
@@ -111,7 +142,7 @@ class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
         Returns
         -------
         callable
-            Takes each serialized message.
+            Takes each serialized message, and the time of its arrival [ns].
         """
         raise NotImplementedError
 
@@ -135,7 +166,8 @@ class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
             durability=_common(offered, "durability", DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE),
         )
         message_type = getattr(import_module(f"{package}.msg"), message)
-        self.create_subscription(message_type, name, self.opened(name, kind, offered), qos, raw=True)
+        take = self.opened(name, kind, offered)
+        self._queues.append((self._subscriber.create_subscription(message_type, name, take, qos, raw=True), take))
         self.subscribed.append(name)
 
 

@@ -68,19 +68,19 @@ class RecorderNode(RawTopics):
         super().__init__("posfet_record", namespaces, topics, **node_arguments)
         self.create_timer(FLUSH_PERIOD, self._flush)
 
-    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
+    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes, int], None]:
         """Add a topic to the file; return what writes its messages."""
         schema = schema_text(short_name(kind))
         topic = self.file.add_topic(name, short_name(kind), schema, _offered_text(offered))
         return partial(self._write if name in COMMON and not self._wanted else self._write_and_begin, topic)
 
-    def _write_and_begin(self, topic: int, data: bytes) -> None:
+    def _write_and_begin(self, topic: int, data: bytes, received: int) -> None:
         if self.begin is None:
             self.begin = time.monotonic()
-        self._write(topic, data)
+        self._write(topic, data, received)
 
-    def _write(self, topic: int, data: bytes) -> None:
-        self._end_when_full(lambda: self.file.add(topic, time.time_ns(), data))
+    def _write(self, topic: int, data: bytes, received: int) -> None:
+        self._end_when_full(lambda: self.file.add(topic, received, data))
 
     def _flush(self) -> None:
         self._end_when_full(self.file.flush)
@@ -204,6 +204,7 @@ def _record(path: Path, options: argparse.Namespace) -> int:
                     return now >= end or bool(node.failure) or file.size >= options.max_size * 1e6
 
                 spin([node], until=over)
+            node.read()
             spent = time.monotonic() - (node.begin or begin)
             if node.failure:
                 raise ConfigError(node.failure)
