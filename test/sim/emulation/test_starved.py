@@ -13,7 +13,7 @@ In virtual time, in which every scan takes its share of the processor.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -26,11 +26,14 @@ from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_driver.protocol.messages import COMMAND_OFFSET, STATUS_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.device.readout import Readout
+from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.backlog import AT_ONCE, LATE, LONGEST_BACKLOG, first_due
+from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.recording.replay_source import ReplaySource
-from posfet_sim.scene import load_scene
+from posfet_sim.scene import SceneLoads, load_scene
 from support.clocks import SteppedClock
 
 SENSOR = load_sensor()
@@ -105,6 +108,78 @@ def test_the_board_in_this_process(cost: int) -> None:
     assert lost > 0
     assert source.report().fault_counts == {FaultKind.SCAN_OVERRUN: lost}
     assert (source.report().health, source.report().scans) == (Health.OK, len(arrivals))
+
+
+SLOW = {"20 times too slow": 20 * MILLISECOND, "40 times too slow": 40 * MILLISECOND}
+"""Time that it takes to make a scan, or a step over scans that are missed [ns]."""
+
+
+@pytest.fixture
+def making_costs(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[int], None]], None]:
+    """Return a function that lets each scan and step that a simulated board computes call another with their number."""
+    outputs = Readout.outputs
+
+    def charge(spend: Callable[[int], None]) -> None:
+        def costly(readout: Readout, charge: Any, steps: Any) -> Any:
+            spend(len(steps))
+            return outputs(readout, charge, steps)
+
+        monkeypatch.setattr(Readout, "outputs", costly)
+
+    return charge
+
+
+@pytest.mark.parametrize("cost", SLOW.values(), ids=SLOW)
+def test_making_scans_is_too_slow_in_this_process(
+    cost: int, making_costs: Callable[[Callable[[int], None]], None]
+) -> None:
+    clock = SteppedClock(0, 0)
+    source = SimulationSource(SENSOR, load_scene("press_slide_lift", SENSOR), 3, clock)
+    source.open()
+
+    def spend(scans: int) -> None:
+        clock.now += scans * cost if clock.now < STARVED else 0
+
+    making_costs(spend)
+    arrivals = []
+    while clock.now < STARVED + AFTER:
+        scan = source.read(0.1)
+        if scan is not None:
+            late = bool(scan.status & ScanStatus.SCAN_OVERRUN)
+            arrivals.append(Arrival(scan.sequence, scan.stamp, clock.now, late))
+    judge_slow(arrivals, cost)
+
+
+@pytest.mark.parametrize("cost", SLOW.values(), ids=SLOW)
+def test_making_scans_is_too_slow_behind_an_adapter(
+    cost: int, making_costs: Callable[[Callable[[int], None]], None]
+) -> None:
+    now = 0
+    node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3), 3, 0)
+    decoder = Decoder(SENSOR)
+    decoder.start()
+    node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0, 0).pack()), 0)
+
+    def spend(scans: int) -> None:
+        nonlocal now
+        now += scans * cost if now < STARVED else 0
+
+    making_costs(spend)
+    arrivals = []
+    while now < STARVED + AFTER:
+        frames = first_due(node, now)
+        arrivals += [Arrival(sequence, sequence * PERIOD, now, late) for sequence, late in sent(decoder, frames, now)]
+        due = node.next_due()
+        now = max(now, due)
+    judge_slow(arrivals, cost)
+
+
+def judge_slow(arrivals: list[Arrival], cost: int) -> None:
+    """Judge the scans of a board whose scans take so long to make [ns]."""
+    thinned = [each for each in arrivals if STARVED / 2 < each.at <= STARVED]
+    assert max(each.delay for each in thinned) <= LONGEST_BACKLOG * SECOND + 3 * cost
+    assert longest_gap(arrivals) <= 3 * cost
+    judge(arrivals, STARVED, SECOND)
 
 
 class Costly:

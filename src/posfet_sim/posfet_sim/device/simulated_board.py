@@ -267,20 +267,25 @@ class SimulatedBoard:
             self._counts = self._readout.counts(index, self._next.outputs)
             self._charge.deactivate_discharged()
 
-    def skip_to(self, index: int) -> None:
+    def skip_to(self, index: int, step: float = 0.0) -> None:
         """Let the time pass until the scan before `index`, in `SKIP_STEPS` steps at most.
 
-        After a long gap loads are piecewise linear between these steps, not between scans: for a board in real time,
-        which is late already. `scan` alone computes a gap of any length as `scan` describes, whatever time that takes.
+        Each step takes as long to compute as a scan. Over a gap of more scans loads are piecewise linear between these
+        steps, not between scans: for a board in real time. `scan` alone computes a gap of any length as it describes,
+        whatever time that takes.
 
         Parameters
         ----------
         index : int
             Index of the scan that is computed next.
+        step : float, default 0.0
+            Least duration of a step [s]: more than it takes to compute, lest a board that is late be later afterwards.
         """
-        if index - 1 - self._end <= SKIP_STEPS:
+        gap = index - 1 - self._end
+        steps = min(SKIP_STEPS, math.ceil(gap * self.clock.interval / step)) if step else SKIP_STEPS
+        if gap <= steps:
             return
-        for left in range(SKIP_STEPS, 0, -1):
+        for left in range(steps, 0, -1):
             target = self._end + math.ceil((index - 1 - self._end) / left)
             if target > self._end:
                 self._hold(target, target) if target <= self._constant_end else self._advance(target, target)

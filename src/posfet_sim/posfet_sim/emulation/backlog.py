@@ -23,6 +23,9 @@ thins scans out: forces can be followed across many short gaps, not across a few
 work causes, lose none. Assumed."""
 STOPPED: Final = 1.0
 """Delay of a scan [s] from which all that are due are missed but the newest: this process did not run. Assumed."""
+LATE_STEP: Final = 0.2
+"""Time that passes in one step of the simulation while scans are missed [s]: a step takes as long to compute as a scan,
+which is a fifth of that where a machine is 40 times too slow for 1 kHz. Assumed."""
 AT_ONCE: Final = 0.005
 """Time of the scans that are sent before the next look at what has arrived [s]: a command waits no longer. Assumed."""
 

@@ -19,6 +19,7 @@ from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.backlog import LATE_STEP
 from posfet_sim.emulation.firmware import BoardFirmware, with_whole_period
 from posfet_sim.emulation.link_faults import LinkFaults, TransmissionOutcome
 
@@ -70,6 +71,8 @@ class BusBoard:
         self._slow = 1 + board.error_model.clock_drift
         self._period = round(NANOSECONDS / board.sensor.can.scan_rate)
         self._missed = 0  # by firmware before the newest power-on
+        self._missed_before = 0  # `missed` before the newest scan
+        self._late = False  # whether scans were missed before the newest one
         self._offset = 0  # ticks from the first power-on to the newest
         self._scene_begin: int | None = None  # ticks from the first power-on to the beginning of the scene
         self._faults = LinkFaults(board.error_model, seed, counters)
@@ -99,11 +102,11 @@ class BusBoard:
     def next_due(self) -> int:
         """Return when the next frame is due, or the board resets or restarts [ns].
 
-        The caller is about to wait, so the next scan is computed here.
+        The caller is about to wait unless the board is late, so the next scan is computed here.
         """
         if self._firmware is None:
             return self._at(self._faults.running_since)
-        if self._firmware.running:
+        if self._firmware.running and not self._late:
             self._board.prepare(self._board.index + 1)
         due = self._host_time(self._firmware.next_due()) + 1
         reset = self._faults.next_reset
@@ -169,7 +172,9 @@ class BusBoard:
             Scan to fill in.
         """
         of_scene = index + self._offset - (self._scene_begin or 0)
-        self._board.skip_to(of_scene)
+        missed = self.missed
+        self._late, self._missed_before = missed > self._missed_before, missed
+        self._board.skip_to(of_scene, LATE_STEP if self._late else 0.0)
         self._board.scan(of_scene, out)
 
     def _sent(self, scan: Scan) -> None:

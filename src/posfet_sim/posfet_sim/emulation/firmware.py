@@ -179,13 +179,13 @@ class BoardFirmware:
             Frames of whole scans, and others.
         """
         if now - self._status_due() > _LONGEST_BACKLOG:
-            self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
+            self._skip_status(now)
         late = now - self._tick()
         frames: list[Frame] = []
         if self.running and late > _LONGEST_BACKLOG:
             self._miss(now - _LONGEST_BACKLOG if self._codec.fd and late <= _STOPPED else now)
             if self._status_due() <= now:
-                self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
+                self._skip_status(now)
                 frames += self._periodic_frames()
         end = now if until is None else max(until, min(self.next_due(), now))
         while self.next_due() <= end:
@@ -258,6 +258,10 @@ class BoardFirmware:
     def _status_due(self) -> int:
         """Return the time of the next status [ns]."""
         return self.switched_on + self._status_sent * _STATUS_INTERVAL
+
+    def _skip_status(self, now: int) -> None:
+        """Miss the status frames that are due by `now` [ns], but for the newest of them."""
+        self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
 
     def _tick(self) -> int:
         """Return the time of the next tick of the scan timer [ns]."""

@@ -19,7 +19,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG, STOPPED
+from posfet_sim.emulation.backlog import LATE, LATE_STEP, LONGEST_BACKLOG, STOPPED
 from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.scene import Scene, SceneLoads
 
@@ -150,7 +150,7 @@ class SimulationSource:
         self._missed += missed
         self._overrun |= missed > 0
         self._delay = max(since - clock.time(self._next), 0.0)
-        self.board.skip_to(self._next)
+        self.board.skip_to(self._next, LATE_STEP)
 
     def close(self) -> None:
         """Stop the scene."""
