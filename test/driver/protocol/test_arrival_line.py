@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from posfet_driver.protocol.arrival_line import ArrivalLine
+from reference.protocol.mapped.arrival_line import ArrivalLine
 
 PERIOD = 1_000_000
 

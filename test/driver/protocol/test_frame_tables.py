@@ -60,6 +60,12 @@ BO_ 260 Big: 12 X
  SG_ B0 : 0|12@1+ (1,0) [0|0] "" X
  SG_ B1 : 80|12@1+ (1,0) [0|0] "" X
 
+BO_ 290 Vast: 16 X
+ SG_ Huge : 0|72@1+ (1,0) [0|0] "" X
+
+BO_ 291 Slow: 2 X
+ SG_ Slow : 0|16@1+ (2000,0) [0|0] "s" X
+
 SIG_VALTYPE_ 258 Real : 1;
 """
 """A DBC file with a signal for every misfit."""
@@ -99,6 +105,11 @@ MISFITS: dict[str, tuple[dict[str, Any], str]] = {
         "order: must name each message of a scan once: Counts, Switched",
     ),
     "12 bytes": ({"counts": ("B0", "B1")}, "dbc: message Big has 12 bytes, which needs can.fd: true"),
+    "72 bits": (
+        {"status": (("Huge", ScanStatus.ADC_FAULT),)},
+        "status: signal Vast.Huge has 72 bits, at most 64 are read",
+    ),
+    "steps of 2000 s": ({"time": ("Slow",)}, "time: signal Slow.Slow has steps of 2000 s, at most 1000"),
     "block elsewhere": ({"block": "Bare"}, "block: misfits.dbc has no signal 'Counts.Bare'"),
     "too many blocks": ({"block": "Toggle", "counts": ("C0",)}, "block: 3 frames need more than the 1 bits of"),
 }

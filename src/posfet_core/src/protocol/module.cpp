@@ -25,8 +25,10 @@
 #include "posfet_core/protocol/kernel_frame.hpp"
 #include "posfet_core/protocol/slcan.hpp"
 #include "posfet_core/protocol/tick_line.hpp"
+#include "python_batch.hpp"
 #include "python_frames.hpp"
 #include "python_integers.hpp"
+#include "python_mapped.hpp"
 
 namespace posfet::protocol {
 
@@ -96,60 +98,6 @@ void unpack(bool fd, const py::buffer& wire, Counts& out) {
 Counts counts_of(Assembler& assembler, const py::object& owner) {
   return Counts({static_cast<py::ssize_t>(assembler.counts().size())}, assembler.counts().data(), owner);
 }
-
-/// Python's Scan as it is filled in.
-class ScanFields {
-public:
-  static void set(const py::object& scan, const CompleteScan& found) {
-    static const ScanFields names;
-    assign(scan, names.stamp_, py::cast(found.stamp));
-    assign(scan, names.sequence_, py::int_(found.sequence));
-    assign(scan, names.device_time_, py::cast(found.device_time));
-    assign(scan, names.status_, py::int_(found.status));
-    assign(scan, names.frames_lost_, py::int_(found.frames_lost));
-    assign(scan, names.stamp_uncertainty_, py::float_(found.stamp_uncertainty));
-  }
-
-private:
-  static PyObject* name(const char* text) { return PyUnicode_InternFromString(text); }
-
-  static void assign(const py::object& scan, PyObject* name, const py::object& value) {
-    if (PyObject_SetAttr(scan.ptr(), name, value.ptr()) != 0) {
-      throw py::error_already_set();
-    }
-  }
-
-  PyObject* stamp_ = name("stamp");
-  PyObject* sequence_ = name("sequence");
-  PyObject* device_time_ = name("device_time");
-  PyObject* status_ = name("status");
-  PyObject* frames_lost_ = name("frames_lost");
-  PyObject* stamp_uncertainty_ = name("stamp_uncertainty");
-};
-
-/// Frames of a batch, and which is next.
-class Batch {
-public:
-  explicit Batch(const py::object& frames)
-      : frames_(py::reinterpret_steal<py::object>(PySequence_Fast(frames.ptr(), "frames must be a sequence"))) {
-    if (!frames_) {
-      throw py::error_already_set();
-    }
-  }
-
-  std::size_t size() const { return static_cast<std::size_t>(PySequence_Fast_GET_SIZE(frames_.ptr())); }
-
-  /// The next frame, borrowed; null after the last one.
-  PyObject* next() {
-    return next_ < PySequence_Fast_GET_SIZE(frames_.ptr()) ? PySequence_Fast_GET_ITEM(frames_.ptr(), next_++) : nullptr;
-  }
-
-  bool ended = false;  ///< Nothing is left to be released, and the decoder was told that the batch has ended.
-
-private:
-  py::object frames_;
-  py::ssize_t next_ = 0;
-};
 
 /// Go on to what the next of the batch's frames have brought.
 ///
@@ -428,4 +376,5 @@ PYBIND11_MODULE(protocol, module) {
   posfet::protocol::bind_clocks(module);
   posfet::protocol::bind_scans(module);
   posfet::protocol::bind_decoder(module);
+  posfet::protocol::bind_mapped(module);
 }

@@ -5,16 +5,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Bits of a signal within a frame, in either byte order, and functions that read them without the DBC."""
+"""Bits of a signal within a frame, in either byte order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal
 
-Reader: TypeAlias = Callable[[bytes], int]
-"""Reads the unsigned bits of a signal from the data of a frame that is long enough."""
+from posfet_core.protocol import BitField as Compiled
+
+MAX_LENGTH: Final = 64
+"""Longest signal that is read [bit]."""
 
 
 @dataclass(frozen=True)
@@ -48,28 +49,6 @@ class BitField:
         """Largest number that the bits can hold."""
         return (1 << self.length) - 1
 
-    def reader(self) -> Reader:
-        """Return the fastest function that reads the bits."""
-        first, end, order, shift, mask = self.first, self.end, self.order, self.shift, self.mask
-        if end - first == 1:
-            return lambda data: data[first] >> shift & mask
-        return lambda data: int.from_bytes(data[first:end], order) >> shift & mask
-
-    def value_reader(self, signal: Any) -> Callable[[bytes], float]:
-        """Return a function that reads the physical value; NaN outside the range that the DBC states.
-
-        Parameters
-        ----------
-        signal : cantools.database.Signal
-            Source of sign, scaling and range.
-        """
-        read, sign = self.reader(), (1 << self.length - 1) if signal.is_signed else 0
-        scale, offset = float(signal.scale), float(signal.offset)
-        low = float("-inf") if signal.minimum is None else float(signal.minimum)
-        high = float("inf") if signal.maximum is None else float(signal.maximum)
-
-        def value(data: bytes) -> float:
-            physical = ((read(data) ^ sign) - sign) * scale + offset
-            return physical if low <= physical <= high else float("nan")
-
-        return value
+    def compiled(self) -> Compiled:
+        """Return it as the compiled decoder reads it."""
+        return Compiled(self.first, self.end, self.order == "big", self.shift, self.length)

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Counts of a scan out of the frames of any board: one gather, shift and look-up for all taxels."""
+"""Counts of a scan in the frames of any board: places and look-up tables of all taxels."""
 
 from __future__ import annotations
 
@@ -92,16 +92,15 @@ def check_count(mapping: FrameMapping, signal: Any, adc: Adc) -> None:
 
 
 class CountTable:
-    """Gathers the counts of all taxels out of the data of the frames of a scan.
+    """Where the count of each taxel is in the data of the frames of a scan, and the count of each raw value.
 
     Parameters
     ----------
     mapping : FrameMapping
         Source of the key for error messages.
-    wire : bytearray
-        Data of all frames of a scan, followed by one zero byte.
     fields : sequence of (int, BitField, Signal)
-        For each taxel, row by row: offset of its frame in `wire` [byte], place and signal of cantools.
+        For each taxel, row by row: offset of its frame in the data of all frames of a scan
+        [byte], place and signal of cantools.
     adc : Adc
         The ADC of the board.
 
@@ -111,14 +110,12 @@ class CountTable:
         When the signals have too many different scalings.
     """
 
-    def __init__(
-        self, mapping: FrameMapping, wire: bytearray, fields: Sequence[tuple[int, BitField, Any]], adc: Adc
-    ) -> None:
+    def __init__(self, mapping: FrameMapping, fields: Sequence[tuple[int, BitField, Any]], adc: Adc) -> None:
         bases: dict[tuple[object, ...], int] = {}
         tables: list[NDArray[np.uint16]] = []
         entries = 0
         taxels = len(fields)
-        base = np.zeros(taxels, np.intp)
+        base = [0] * taxels
         for taxel, (_, _, signal) in enumerate(fields):
             key = (
                 signal.length,
@@ -136,37 +133,8 @@ class CountTable:
                     raise mapping.error("counts", f"the signals have too many different scalings: {len(bases)} or more")
                 tables.append(conversion(signal, adc))
             base[taxel] = bases[key]
-        places = [field for _, field, _ in fields]
-        width = 2 if all(field.end - field.first <= 2 for field in places) else 4
-        index = np.full((taxels, width), len(wire) - 1, np.intp)
-        for taxel, (offset, field, _) in enumerate(fields):
-            span = range(offset + field.first, offset + field.end)
-            index[taxel, : len(span)] = span if field.order == "little" else span[::-1]
-        self._wire = np.frombuffer(wire, np.uint8)
-        self._index = index.reshape(-1)
-        self._bytes = np.zeros(index.size, np.uint8)
-        self._words = self._bytes.view(f"<u{width}")
-        word = self._words.dtype
-        aligned = all(field.shift == 0 and field.length in {8, 16} for field in places)
-        self._shift = None if aligned else np.array([field.shift for field in places], word)
-        self._mask = np.array([field.mask for field in places], word)
-        self._raw = np.zeros(taxels, np.intp)
-        self._base = base if base.any() else None
-        table = self._table = np.concatenate(tables)
-        self._unchanged = len(tables) == 1 and np.array_equal(table, np.arange(len(table)))
-
-    def decode(self, out: NDArray[np.uint16]) -> None:
-        """Write the counts in the wire to `out`, shape [taxels]."""
-        self._wire.take(self._index, None, self._bytes, "clip")
-        words = self._words
-        if self._shift is not None:
-            np.right_shift(words, self._shift, words)
-            np.bitwise_and(words, self._mask, words)
-        if self._unchanged:
-            out[:] = words
-            return
-        raw = self._raw
-        raw[:] = words
-        if self._base is not None:
-            np.add(raw, self._base, raw)
-        self._table.take(raw, None, out, "clip")
+        table = np.concatenate(tables)
+        self.places: Final = [(offset, field, base[taxel]) for taxel, (offset, field, _) in enumerate(fields)]
+        """For each taxel, row by row: offset of its frame [byte], place, and index of the count of raw value 0."""
+        self.table: Final = table if len(tables) > 1 or not np.array_equal(table, np.arange(len(table))) else table[:0]
+        """Counts of all raw values of all scalings, shape [entries]; none where raw values are counts."""

@@ -9,12 +9,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH
-from posfet_driver.protocol.bit_field import BitField, Reader
+from posfet_driver.protocol.bit_field import MAX_LENGTH, BitField
 from posfet_driver.protocol.count_table import CountTable, check_count
 from posfet_driver.protocol.signal_names import Found, SignalNames
 from posfet_model._lib.units import NANOSECONDS
@@ -29,6 +30,7 @@ _CLASSIC_BYTES: Final = 8
 _SHORTEST_COUNTER: Final = 2  # bits: with one, a lost scan looks like a counter that stands still
 _FD_LENGTHS: Final = (12, 16, 20, 24, 32, 48, 64)
 _LEAST_PERIODS: Final = 4
+_LONGEST_TICK: Final = 1e12  # [ns]
 _NOT_CELSIUS: Final = {"K", "F", "kelvin", "Kelvin", "degF", "°F"}
 
 
@@ -36,11 +38,19 @@ _NOT_CELSIUS: Final = {"K", "F", "kelvin", "Kelvin", "degF", "°F"}
 class Reading:
     """A signal besides the scan, which is kept until the next one."""
 
-    read: Callable[[bytes], float]
-    temperature: int
+    field: BitField
+    temperature: int = -1
     """Index of the temperature sensor; -1: it is a flag."""
-    flag: int
+    flag: int = 0
     """Bit of ScanStatus that is set when the signal is not 0."""
+    sign: int = 0
+    """Bit of the sign; 0: none."""
+    scale: float = 1.0
+    offset: float = 0.0
+    low: float = -math.inf
+    """Least value [degC]; what is outside is unknown."""
+    high: float = math.inf
+    """Greatest value [degC]."""
 
 
 @dataclass(slots=True)
@@ -49,8 +59,8 @@ class Part:
 
     block: int = NO_BLOCK
     """Position among the frames of a scan."""
-    sequence: Reader | None = None
-    time: Reader | None = None
+    sequence: BitField | None = None
+    time: BitField | None = None
     readings: list[Reading] = field(default_factory=list)
 
 
@@ -63,8 +73,8 @@ class MappedMessage:
     """Length of its data [byte]."""
     sent_length: int
     """Length in which CAN sends it, filled up [byte]."""
-    select: Reader | None
-    """Reads the multiplexer, or the number of the block; None: it has only one part, 0."""
+    select: BitField | None
+    """The multiplexer, or the number of the block; None: it has only one part, 0."""
     parts: Mapping[int, Part]
     unrelated: frozenset[int]
     """Values of the multiplexer for signals that the mapping does not use."""
@@ -82,10 +92,8 @@ class FrameTables:
     """Names of these messages."""
     blocks: int
     """Number of frames of a scan."""
-    wire: bytearray
-    """Data of the frames of a scan."""
-    slots: tuple[slice, ...]
-    """Place of each block in `wire`."""
+    slots: tuple[int, ...]
+    """Length of each block [byte]."""
     sent: tuple[tuple[int, bool], ...]
     """Length in which CAN sends each block [byte], and whether its identifier has 29 bits."""
     counts: CountTable
@@ -148,7 +156,6 @@ class _Builder:
         for message in blocks:
             offsets.append(length)
             length += message.length
-        wire = bytearray(length + 1)
         placed = [(offsets[part.block], BitField.of_signal(signal), signal) for part, signal in taxels]
         used = {(message.frame_id, bool(message.is_extended_frame)): message.name for message in messages}
         scan_parts = [part for parts in self._parts.values() for part in parts.values() if part.block != NO_BLOCK]
@@ -159,10 +166,9 @@ class _Builder:
             identifiers=frozenset(used),
             names=used,
             blocks=len(blocks),
-            wire=wire,
-            slots=tuple(slice(at, at + message.length) for at, message in zip(offsets, blocks, strict=True)),
+            slots=tuple(message.length for message in blocks),
             sent=tuple((_sent_length(message.length), bool(message.is_extended_frame)) for message in blocks),
-            counts=CountTable(self._mapping, wire, placed, self._sensor.adc),
+            counts=CountTable(self._mapping, placed, self._sensor.adc),
             sequence_bits=sequence_bits,
             sequenced=all(part.sequence for part in scan_parts),
             time_bits=time_bits,
@@ -176,6 +182,9 @@ class _Builder:
         if names in self._used:
             where = "" if self._used[names] == key else f", also for {self._used[names]}"
             raise self._mapping.error(key, f"signal {found.name} is used twice{where}")
+        if found.signal.length > MAX_LENGTH:
+            bits = found.signal.length
+            raise self._mapping.error(key, f"signal {found.name} has {bits} bits, at most {MAX_LENGTH} are read")
         self._used[names] = key
         return found
 
@@ -267,12 +276,12 @@ class _Builder:
     def _set(self, attribute: str, found: list[Found]) -> None:
         """Let the parts of the messages of a scan read sequence or time."""
         for item in found:
-            read, ids = BitField.of_signal(item.signal).reader(), item.signal.multiplexer_ids
+            place, ids = BitField.of_signal(item.signal), item.signal.multiplexer_ids
             parts = [part for value, part in self._parts[item.message.name].items() if not ids or value in ids]
             if not parts:
                 raise self._mapping.error(attribute, f"signal {item.name} is in no frame with counts")
             for part in parts:
-                setattr(part, attribute, read)
+                setattr(part, attribute, place)
 
     def _add_readings(self) -> None:
         mapping = self._mapping
@@ -281,11 +290,10 @@ class _Builder:
             found = self._use("temperatures", self._names.one("temperatures", name))
             if found.signal.is_float or found.signal.unit in _NOT_CELSIUS:
                 raise mapping.error("temperatures", f"signal {found.name} must be a whole number, scaled to degC")
-            read = BitField.of_signal(found.signal).value_reader(found.signal)
-            readings.append((found, Reading(read, index, 0)))
+            readings.append((found, self._temperature(index, found.signal)))
         for name, flag in mapping.status:
             found = self._use("status", self._names.one("status", name))
-            readings.append((found, Reading(BitField.of_signal(found.signal).reader(), -1, int(flag))))
+            readings.append((found, Reading(BitField.of_signal(found.signal), flag=int(flag))))
         readings.sort(key=lambda item: not item[0].signal.multiplexer_ids)  # those without go into all parts
         for found, reading in readings:
             if ids := found.signal.multiplexer_ids:
@@ -295,14 +303,29 @@ class _Builder:
             for part in parts:
                 part.readings.append(reading)
 
+    @staticmethod
+    def _temperature(index: int, signal: Any) -> Reading:
+        return Reading(
+            BitField.of_signal(signal),
+            temperature=index,
+            sign=1 << signal.length - 1 if signal.is_signed else 0,
+            scale=float(signal.scale),
+            offset=float(signal.offset),
+            low=-math.inf if signal.minimum is None else float(signal.minimum),
+            high=math.inf if signal.maximum is None else float(signal.maximum),
+        )
+
     def _entry(self, message: Any, parts: dict[int, Part]) -> MappedMessage:
         select = self._select.get(message.name)
+        if select and select.length > MAX_LENGTH:
+            reason = f"signal {select.name} has {select.length} bits, a multiplexer has at most {MAX_LENGTH}"
+            raise self._mapping.error("counts", reason)
         values = {value for signal in message.signals for value in signal.multiplexer_ids or []}
         return MappedMessage(
             name=message.name,
             length=message.length,
             sent_length=_sent_length(message.length),
-            select=BitField.of_signal(select).reader() if select else None,
+            select=BitField.of_signal(select) if select else None,
             parts=parts,
             unrelated=frozenset(values - set(parts)),
         )
@@ -328,6 +351,10 @@ class _Builder:
             known = ", ".join(TIME_UNITS)
             raise self._mapping.error("time_unit", f"missing, must be one of {known}: signal {found[0].name} has none")
         tick = float(signal.scale) * TIME_UNITS[unit]
+        if tick > _LONGEST_TICK:
+            raise self._mapping.error(
+                "time", f"signal {found[0].name} has steps of {tick / NANOSECONDS:g} s, at most 1000"
+            )
         wrap, period = tick * 2**signal.length, NANOSECONDS / self._sensor.can.scan_rate
         if wrap < _LEAST_PERIODS * period:
             reason = f"signal {found[0].name} wraps after {wrap / 1e6:g} ms, less than {_LEAST_PERIODS} scan periods"

@@ -13,27 +13,27 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from posfet_core.protocol import ScanStatistics, WallOffset
-from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
+from posfet_core import protocol as core
+from posfet_driver.bus.frame import Frame
+from posfet_driver.protocol.bit_field import BitField
 from posfet_driver.protocol.decoded import Decoded, ScanReady, Traffic
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
-from posfet_driver.protocol.mapped_assembler import MappedAssembler
-from posfet_driver.protocol.mapped_numbering import MappedNumbering
+from posfet_driver.protocol.frame_tables import FrameTables, Part, load_tables
 from posfet_driver.protocol.messages import Identity, Status
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_model.sensor.scan import Scan
 
-_TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
-_SEQUENCE_ESTIMATED: Final = int(ScanStatus.SEQUENCE_ESTIMATED)
-_BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
+LATE: Final = 8
+"""Scans behind the newest one whose frames are taken for late; more, and the board's time has gone on or restarted."""
+_UNRELATED: Final = -1  # part of a value of the multiplexer that the mapping does not use
 
 
 class MappedDecoder:
     """Decodes the frames of a bus and picks out those that the sensor file names.
 
-    Its interface is that of `Decoder` without commands: it only listens.
+    The compiled `posfet_core.protocol.MappedDecoder` does it; this class reads the DBC file and gives the results the
+    form that Python uses. Its interface is that of `Decoder` without commands: it only listens.
 
     Parameters
     ----------
@@ -49,35 +49,40 @@ class MappedDecoder:
     def __init__(self, sensor: Sensor) -> None:
         self.tables = load_tables(sensor)
         period = NANOSECONDS / sensor.can.scan_rate
-        self._assembler = MappedAssembler(self.tables, period)
-        self._numbering = MappedNumbering(self.tables, period, self._assembler)
-        self.statistics: ScanStatistics = self._assembler.statistics
+        self._core = core.MappedDecoder(_compiled(self.tables, period))
+        self.statistics: core.ScanStatistics = self._core.statistics
         """Frames and scans that were lost or rejected, by cause."""
-        self.traffic = Traffic()
+        self.traffic: Traffic = self._core.traffic
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         """The newest complete scan; overwritten by the next one."""
-        self.receiving = False
-        """Whether scans are received; otherwise they are ignored and not counted."""
-        self.scans = 0
-        """Number of complete scans."""
-        self.resets = 0
-        """Number of times the board restarted between two scans, as far as counter or time show it."""
+        self.scan.counts, self.scan.temperatures = self._core.counts, self._core.temperatures
         self.identity: Identity | None = None
         """Never known."""
-        self.flags = 0
-        """Bits of ScanStatus that the newest frames set."""
         self.scan_period = round(period / 1e3)
         """Scan period of the sensor file [us]: the board does not tell."""
         self.kept_period = self.scan_period
         """The same: the scans measure none."""
-        self.transit_time = 0.0
-        """Longest time that the frames of a scan occupy the bus [s]."""
-        self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
-        steps_tell = self.tables.timed and self.tables.tick <= period
-        self._gaps_show = self.tables.sequenced or steps_tell or self.tables.blocks == 1
-        self._overflowed = False
-        self._wall_offset = WallOffset()
         self._ready = ScanReady(self.scan)
+
+    @property
+    def receiving(self) -> bool:
+        """Whether scans are received; otherwise they are ignored and not counted."""
+        return self._core.receiving
+
+    @receiving.setter
+    def receiving(self, receiving: bool) -> None:
+        """Receive scans, or ignore them."""
+        self._core.receiving = receiving
+
+    @property
+    def transit_time(self) -> float:  # numpydoc ignore=RT01
+        """Longest time that the frames of a scan occupy the bus [s]."""
+        return self._core.transit_time
+
+    @transit_time.setter
+    def transit_time(self, seconds: float) -> None:
+        """Set the longest time that the frames of a scan occupy the bus [s]."""
+        self._core.transit_time = seconds
 
     @property
     def blocks(self) -> int:
@@ -85,9 +90,24 @@ class MappedDecoder:
         return self.tables.blocks
 
     @property
+    def scans(self) -> int:
+        """Number of complete scans."""
+        return self._core.scans
+
+    @property
+    def resets(self) -> int:
+        """Number of times the board restarted between two scans, as far as counter or time show it."""
+        return self._core.resets
+
+    @property
+    def flags(self) -> int:
+        """Bits of ScanStatus that the newest frames set."""
+        return self._core.flags
+
+    @property
     def sequence(self) -> int:
         """Sequence of the newest scan; -1 before the first."""
-        return self._numbering.sequence
+        return self._core.sequence
 
     @property
     def status(self) -> Status:
@@ -98,14 +118,12 @@ class MappedDecoder:
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used; an estimate without a sequence."""
-        statistics = self.statistics
-        unusable = statistics.malformed + statistics.frozen_counter + self.traffic.malformed
-        return statistics.missing_frames + unusable
+        return self._core.frames_lost
 
     @property
     def clock_uncertainty(self) -> float:
         """Possible error of the clock offset by drift or a step [s]; NaN without a board's time."""
-        return self._numbering.clock_uncertainty / NANOSECONDS if self.tables.time_bits else math.nan
+        return self._core.clock_uncertainty
 
     @property
     def origin(self) -> dict[str, str]:
@@ -123,16 +141,15 @@ class MappedDecoder:
     @property
     def frozen_clock(self) -> int:
         """Number of scans that repeat the device time for longer than its steps explain."""
-        return self._numbering.frozen_clock
+        return self._core.frozen_clock
 
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the bus was opened."""
-        self.receiving = True
-        self._assembler.forget()
+        self._core.start()
 
     def note_overflow(self) -> None:
         """Note that frames were lost within the next batch: it is discarded when its frames do not tell where."""
-        self._overflowed = not self._gaps_show
+        self._core.note_overflow()
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
@@ -151,92 +168,65 @@ class MappedDecoder:
         Iterator of ScanReady
             The complete scans. Exhaust it before the next batch; what is not consumed is dropped.
         """
-        self.traffic.frames += len(frames)
-        self._wall_offset.read(wall_offset)
-        if not frames:
-            return iter(())
-        if self._overflowed:
-            self._overflowed = False
-            self._assembler.abandon()
-            return iter(())
-        if self._assembler.collecting and not self._gaps_show:
-            of_board = sum((frame[0], frame[1]) in self.tables.messages for frame in frames)
-            if self._numbering.frames_are_missing(arrival, of_board):
-                self._assembler.abandon()
-        self._numbering.begin_batch(arrival, len(frames))
-        return self._decode(frames)
+        return self._decode(self._core.begin_batch(frames, arrival, wall_offset))
 
-    def _decode(self, frames: list[Frame]) -> Iterator[Decoded]:
-        messages, add, accept = self.tables.messages, self._assembler.add, self._numbering.accept
-        for identifier, kind, data in frames:
-            message = messages.get((identifier, kind))
-            if message is None:
-                self._count(identifier, kind)
-                continue
-            if len(data) != message.length:
-                if len(data) != message.sent_length:
-                    self.statistics.malformed += 1
-                    continue
-                data = data[: message.length]  # noqa: PLW2901  # without what CAN fills up
-            select = message.select
-            part = message.parts.get(select(data) if select else 0)
-            if part is None:
-                self._count_unused(message, data)
-                continue
-            if part.readings:
-                self._read(part, data)
-            if part.block != NO_BLOCK and self.receiving and add(part, data) and accept():
-                self._complete()
-                yield self._ready
+    def _decode(self, batch: core.Batch) -> Iterator[Decoded]:
+        advance, scan, ready = self._core.advance, self.scan, self._ready
+        while advance(batch, scan):
+            yield ready
 
-    def _count_unused(self, message: MappedMessage, data: bytes) -> None:
-        """Count a frame whose multiplexer, or number of the block, selects nothing that the mapping uses."""
-        if message.select and message.select(data) in message.unrelated:
-            self.traffic.unrelated += 1
-        else:
-            self.statistics.malformed += 1
 
-    def _read(self, part: Part, data: bytes) -> None:
-        for reading in part.readings:
-            value = reading.read(data)
-            if not reading.flag:
-                self.scan.temperatures[reading.temperature] = value
-            elif value:
-                self.flags |= reading.flag
-            else:
-                self.flags &= ~reading.flag
+def _compiled(tables: FrameTables, period: float) -> core.MappedTables:
+    """Return the tables of a board with a scan period [ns] as the compiled decoder reads them."""
+    compiled = core.MappedTables()
+    compiled.period, compiled.slots = period, list(tables.slots)
+    compiled.sequence_bits, compiled.sequenced = tables.sequence_bits, tables.sequenced
+    compiled.time_bits, compiled.timed, compiled.tick = tables.time_bits, tables.timed, tables.tick
+    compiled.ticks_back = ticks_back(tables, period)
+    messages = {message.name: message for message in tables.messages.values()}
+    parts: list[core.MappedPart] = []
+    entries: list[core.MappedMessage] = []
+    for message in messages.values():
+        indices = [(value, len(parts) + index) for index, value in enumerate(message.parts)]
+        indices += [(value, _UNRELATED) for value in message.unrelated]
+        parts += map(_part, message.parts.values())
+        entries.append(core.MappedMessage(message.length, message.sent_length, _field(message.select), indices))
+    compiled.parts, compiled.messages = parts, entries
+    numbers = {name: number for number, name in enumerate(messages)}
+    compiled.set_kinds([(*key, numbers[message.name]) for key, message in tables.messages.items()])
+    compiled.identifiers = list(tables.identifiers)
+    compiled.counts = [core.CountPlace(offset, field.compiled(), base) for offset, field, base in tables.counts.places]
+    compiled.set_table(tables.counts.table)
+    return compiled
 
-    def _complete(self) -> None:
-        """Complete the scan: counts, sequence, time and status."""
-        scan, numbering = self.scan, self._numbering
-        self.tables.counts.decode(scan.counts)
-        scan.sequence = numbering.sequence
-        scan.status = self.flags | self._estimated
-        if self.tables.time_bits and not numbering.clock_frozen:
-            scan.device_time = numbering.device_time
-        else:
-            scan.device_time = 0
-            scan.status |= _TIME_ESTIMATED
-        scan.stamp = numbering.stamp() + self._wall_offset.value
-        scan.stamp_uncertainty = (
-            math.nan
-            if scan.status & _TIME_ESTIMATED
-            else self.transit_time + self.clock_uncertainty + self.tables.tick / NANOSECONDS
+
+def ticks_back(tables: FrameTables, period: float) -> float:
+    """Return the steps of the board's time ahead beyond which it has gone back: a scan is late.
+
+    Parameters
+    ----------
+    tables : FrameTables
+        Length and step of the time.
+    period : float
+        Scan period [ns].
+    """
+    wrap = 1 << tables.time_bits
+    late = LATE * period // tables.tick if tables.time_bits else 0
+    return float(wrap - min(late, wrap // 4))
+
+
+def _field(field: BitField | None) -> core.BitField | None:
+    return field.compiled() if field else None
+
+
+def _part(part: Part) -> core.MappedPart:
+    readings = [
+        core.SignalReading(
+            each.field.compiled(), each.temperature, each.flag, each.sign, each.scale, each.offset, each.low, each.high
         )
-        if numbering.was_reset:
-            scan.status |= _BOARD_RESET
-            self.resets += 1
-        scan.frames_lost = self.frames_lost
-        self.scans += 1
-
-    def _count(self, identifier: int, kind: int) -> None:
-        """Count a frame that is no message of the board."""
-        if kind & ERROR:
-            return  # error frames are counted by the bus
-        if (identifier, bool(kind & EXTENDED)) in self.tables.identifiers:
-            self.statistics.malformed += 1
-        else:
-            self.traffic.unrelated += 1
+        for each in part.readings
+    ]
+    return core.MappedPart(part.block, _field(part.sequence), _field(part.time), readings)
 
 
 def make_decoder(sensor: Sensor) -> Decoder | MappedDecoder:

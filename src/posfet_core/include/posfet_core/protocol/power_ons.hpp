@@ -18,6 +18,7 @@ namespace posfet::protocol {
 constexpr unsigned kBoardFlags = 0xF;
 constexpr unsigned kBoardReset = 16;
 constexpr unsigned kTimeEstimated = 32;
+constexpr unsigned kSequenceEstimated = 64;
 constexpr unsigned kChargeReset = 128;
 
 /// Follows the number of the power-on.

@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_core.protocol import ScanStatistics
-from posfet_driver.protocol.frame_tables import FrameTables, Part
+from posfet_driver.protocol.frame_tables import FrameTables
+from reference.protocol.mapped.readers import ReadPart
 
 UNKNOWN: Final = -1
 """Sequence or time of a scan whose frames have held none yet."""
@@ -48,7 +49,13 @@ class MappedAssembler:
         """Scans begun in vain since the last complete one."""
         self.passed = 0
         """Scans by which the sequence has advanced since the last complete one, at least: incomplete ones tell."""
-        self._wire, self._slots = tables.wire, tables.slots
+        self._slots = []
+        at = 0
+        for length in tables.slots:
+            self._slots.append(slice(at, at + length))
+            at += length
+        self.wire = self._wire = bytearray(at + 1)
+        """Data of the frames of a scan, and one zero byte."""
         self._all = (1 << tables.blocks) - 1
         self._received = self._all  # bits of the blocks of the current scan
         self._last = UNKNOWN  # block that arrived last
@@ -65,12 +72,12 @@ class MappedAssembler:
         """Whether a scan has begun and is not complete."""
         return not self._abandoned and self._received != self._all
 
-    def add(self, part: Part, data: bytes) -> bool:
+    def add(self, part: ReadPart, data: bytes) -> bool:
         """Add one frame.
 
         Parameters
         ----------
-        part : Part
+        part : ReadPart
             What the frame holds.
         data : bytes
             Its data, of the length that the DBC states.

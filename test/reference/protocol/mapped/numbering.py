@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from posfet_core.protocol import FROZEN_READINGS, AscendingStamps, ClockSync
-from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
+from posfet_core.protocol import FROZEN_READINGS
 from posfet_driver.protocol.frame_tables import FrameTables
-from posfet_driver.protocol.mapped_assembler import LATE, MappedAssembler, late_scans
+from reference.protocol.ascending_stamps import AscendingStamps
+from reference.protocol.clock_sync import ClockSync
+from reference.protocol.mapped.arrival_line import RATE_TOLERANCE, ArrivalLine
+from reference.protocol.mapped.assembler import LATE, MappedAssembler, late_scans
 
 RESET_MARGIN: Final = 50e6
 """Time by which counter or clock have to be ahead of the arrivals for a restart of the board [ns]; assumed."""
