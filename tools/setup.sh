@@ -36,7 +36,8 @@ find_python() {
     local candidate
     for candidate in ${PYTHON:-python3 python3.13 python3.12 python3.11 python3.10}; do
         if command -v "$candidate" >/dev/null && supported "$candidate"; then
-            command -v "$candidate"
+            # Not the one of .venv, where that is active: it is removed below.
+            "$candidate" -c 'import sys; print(sys._base_executable)'
             return
         fi
     done
