@@ -10,9 +10,11 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.metadata
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -39,6 +41,9 @@ ROS = {
     *("ament_index_python", "launch_ros"),
 }
 OWN = {"posfet", "posfet_core", "posfet_driver", "posfet_model", "posfet_sim"}
+MODULES = ("scan_path", "protocol", "estimation")
+"""Compiled modules of posfet_core."""
+SUFFIX = sysconfig.get_config_var("EXT_SUFFIX")
 GUARDED = LEFT_OUT | {"posfet.middleware_check"}
 """Modules with ROS that are imported only where that is installed, or by a command that says that it needs ROS."""
 
@@ -71,9 +76,19 @@ def distribution(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     return unpacked
 
 
+def give_modules(project: Path) -> None:
+    """Put the compiled modules that are in use where setuptools builds them, and takes them for up to date."""
+    plat, python = sysconfig.get_platform(), sys.implementation.cache_tag
+    folder = project / "build" / f"lib.{plat}-{python}" / "posfet_core"
+    folder.mkdir(parents=True)
+    for name in MODULES:
+        shutil.copyfile(str(importlib.import_module(f"posfet_core.{name}").__file__), folder / f"{name}{SUFFIX}")
+
+
 @pytest.fixture(scope="module")
 def wheel(distribution: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of the source distribution, which lacks nothing then."""
+    """The wheel of the source distribution, with the compiled modules that are in use: they take minutes to compile."""
+    give_modules(distribution)
     return built("wheel", distribution, tmp_path_factory.mktemp("wheel"))
 
 
@@ -109,8 +124,7 @@ def test_the_wheel_holds_all_that_runs_without_ros(wheel: Path, modules: dict[st
         name.rpartition("/")[2] for name in held if name.startswith("posfet_sim/recording/msg/")
     }
     assert "posfet/py.typed" in held
-    for name in ("scan_path", "protocol", "estimation"):
-        assert f"posfet_core/{name}{sysconfig.get_config_var('EXT_SUFFIX')}" in held
+    assert {f"posfet_core/{name}{SUFFIX}" for name in MODULES} <= held
     assert not [name for name in held if "/test" in name or "web/" in name]
     assert {COMMANDS[name][0].partition(":")[0] for name in COMMANDS.keys() - NEED_ROS} <= modules.keys()
     assert modules.keys().isdisjoint(LEFT_OUT)
@@ -123,8 +137,37 @@ def contents(wheel: Path) -> dict[str, int]:
 
 
 def test_the_repository_builds_the_same_wheel(source: Path, distribution: Path, wheel: Path, tmp_path: Path) -> None:
-    shutil.copytree(distribution / "build", source / "build")  # compiled once: a minute on one processor
+    give_modules(source)
     assert contents(built("wheel", source, tmp_path)) == contents(wheel)
+
+
+def test_the_source_distribution_has_every_source_and_header_of_the_compiled_modules(distribution: Path) -> None:
+    core = distribution / "src/posfet_core"
+    held = {path.relative_to(core): path.read_text() for path in core.rglob("*.[ch]pp")}
+    wanted = {path.relative_to(SOURCES / "posfet_core") for path in (SOURCES / "posfet_core").rglob("src/**/*.cpp")}
+    assert wanted - held.keys() == set()
+    for path, text in held.items():
+        for name in re.findall(r'^#include "(.+)"$', text, re.MULTILINE):
+            places = {Path(os.path.normpath(path.parent / name)), Path("include", name)}
+            assert places & held.keys(), f"{path} includes {name}"
+
+
+@pytest.mark.slow
+def test_the_source_distribution_compiles(distribution: Path, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    shutil.copytree(distribution, project, ignore=shutil.ignore_patterns("build"))
+    with zipfile.ZipFile(built("wheel", project, tmp_path)) as archive:
+        archive.extractall(tmp_path / "wheel")
+    program = "import posfet_core.scan_path, posfet_core.protocol, posfet_core.estimation as last; print(last.__file__)"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "wheel")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(str(tmp_path / "wheel"))
 
 
 def test_no_module_imports_ros(modules: dict[str, ast.Module]) -> None:
@@ -133,8 +176,7 @@ def test_no_module_imports_ros(modules: dict[str, ast.Module]) -> None:
 
 
 def test_every_import_of_its_own_is_in_the_wheel(wheel: Path, modules: dict[str, ast.Module]) -> None:
-    suffix = sysconfig.get_config_var("EXT_SUFFIX")
-    compiled = {name.removesuffix(suffix).replace("/", ".") for name in contents(wheel) if name.endswith(suffix)}
+    compiled = {name.removesuffix(SUFFIX).replace("/", ".") for name in contents(wheel) if name.endswith(SUFFIX)}
     found = {
         (name, used)
         for name, tree in modules.items()
