@@ -25,7 +25,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 
 LATE: Final = 8
-"""Scans behind the newest one whose frames are taken for late; more, and the board's time has gone on or restarted."""
+"""Scans behind the newest one whose frames count as late; more, and the board's time has gone on or restarted."""
 _UNRELATED: Final = -1  # part of a value of the multiplexer that the mapping does not use
 
 

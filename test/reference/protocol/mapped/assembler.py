@@ -18,7 +18,7 @@ from reference.protocol.mapped.readers import ReadPart
 UNKNOWN: Final = -1
 """Sequence or time of a scan whose frames have held none yet."""
 LATE: Final = 8
-"""Scans behind the newest one whose frames are taken for late; more, and the counter has restarted or gone on."""
+"""Scans behind the newest one whose frames count as late; more, and the counter has restarted or gone on."""
 
 
 def late_scans(bits: int) -> int:

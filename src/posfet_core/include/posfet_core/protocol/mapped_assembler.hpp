@@ -19,7 +19,7 @@ namespace posfet::protocol {
 /// Sequence or time of a scan whose frames have held none yet, and block before the first.
 constexpr int kNone = -1;
 
-/// Scans behind the newest one whose frames are taken for late; more, and the counter has restarted or gone on.
+/// Scans behind the newest one whose frames count as late; more, and the counter has restarted or gone on.
 constexpr int kLateScans = 8;
 
 /// How far behind the newest scan frames are late, for a counter of so many bits.
