@@ -111,6 +111,26 @@ def test_messages_that_wait_are_written_in_the_order_of_their_arrival(
     assert found == list(range(100))
 
 
+def test_the_summary_counts_the_scans_that_are_missing(
+    tmp_path: Path, context: Context, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.mcap"
+    talker = rclpy.create_node("talker", context=context)
+    kept = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    for name, step in (("left", 1), ("right", 3)):
+        raw = talker.create_publisher(TactileRaw, f"/{name}/raw", kept)
+        for sequence in range(0, 10 * step, step):
+            raw.publish(TactileRaw(sequence=sequence))
+    try:
+        assert main([str(path), "--namespace", "left", "--topics", "raw", "--for", "0.5"]) == 0
+        assert capfd.readouterr().out.rstrip().endswith("; 0 scans missing")
+        path.unlink()
+        assert main([str(path), "--namespace", "left", "right", "--topics", "raw", "--for", "0.5"]) == 0
+    finally:
+        talker.destroy_node()
+    assert capfd.readouterr().out.rstrip().endswith("; 0 scans of /left/raw missing; 18 scans of /right/raw missing")
+
+
 def test_a_full_disk_ends_a_recording_with_its_reason(
     tmp_path: Path, context: Context, executor: SingleThreadedExecutor, monkeypatch: pytest.MonkeyPatch
 ) -> None:

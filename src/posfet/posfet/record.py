@@ -15,13 +15,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from rclpy.qos import QoSProfile
 
+from posfet.number_text import counted
 from posfet.raw_topics import COMMON, RawTopics, add_topic_options
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
@@ -29,7 +30,9 @@ from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.run_node import ros, spin
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.message_definitions import schema_text
+from posfet_sim.recording.recorded_scans import RAW
 from posfet_sim.recording.ros2msg import short_name
+from posfet_sim.recording.scan_gaps import ScanGaps
 
 FLUSH_PERIOD: Final = 1.0
 """Period at which messages are written [s]: what the end of the process by force, or of the power, can take."""
@@ -43,7 +46,7 @@ seconds to find the topics."""
 
 
 class RecorderNode(RawTopics):
-    """Writes the messages of topics to a file as they arrive, without reading them.
+    """Writes the messages of topics to a file as they arrive; of scans, only the sequence is read.
 
     Parameters
     ----------
@@ -65,6 +68,8 @@ class RecorderNode(RawTopics):
         """Why the recording ended, in one line; '' while it goes on."""
         self.begin: float | None = None
         """Monotonic time of the first message of a sensor or of a topic that was asked for [s]; None before it."""
+        self.gaps: dict[str, ScanGaps] = {}
+        """Scans missing in the recording, by topic."""
         super().__init__("posfet_record", namespaces, topics, **node_arguments)
         self.create_timer(FLUSH_PERIOD, self._flush)
 
@@ -72,7 +77,14 @@ class RecorderNode(RawTopics):
         """Add a topic to the file; return what writes its messages."""
         schema = schema_text(short_name(kind))
         topic = self.file.add_topic(name, short_name(kind), schema, _offered_text(offered))
+        if short_name(kind) == RAW:
+            self.gaps[name] = ScanGaps()
+            return partial(self._write_scan, topic, self.gaps[name])
         return partial(self._write if name in COMMON and not self._wanted else self._write_and_begin, topic)
+
+    def _write_scan(self, topic: int, gaps: ScanGaps, data: bytes, received: int) -> None:
+        gaps.add(data)
+        self._write_and_begin(topic, data, received)
 
     def _write_and_begin(self, topic: int, data: bytes, received: int) -> None:
         if self.begin is None:
@@ -123,7 +135,7 @@ class Recorder:
     >>> recorder = Recorder("grasp.mcap", topics=["raw", "info"])
     >>> recorder.start()  # doctest: +SKIP
     >>> recorder.stop()  # doctest: +SKIP
-    'grasp.mcap: 12.0 s, 12034 messages of 2 topics, 1.4 MB'
+    'grasp.mcap: 12.0 s, 12034 messages of 2 topics, 1.4 MB; 0 scans missing'
     """
 
     def __init__(self, path: str | Path, namespaces: Sequence[str] = ("tactile",), topics: Sequence[str] = ()) -> None:
@@ -216,9 +228,16 @@ def _record(path: Path, options: argparse.Namespace) -> int:
         raise ConfigError(f"no message on {wanted}: start the stack with posfet bringup, or give its --namespace")
     for name in node.missing:
         print(f"{name}: nobody published it", file=sys.stderr)
-    topics = f"{len(node.subscribed)} topic{'s' * (len(node.subscribed) != 1)}"
-    print(f"{path}: {spent:.1f} s, {file.messages} messages of {topics}, {file.size / 1e6:.1f} MB")
+    topics = counted(len(node.subscribed), "topic")
+    missing = _missing(node.gaps)
+    print(f"{path}: {spent:.1f} s, {file.messages} messages of {topics}, {file.size / 1e6:.1f} MB{missing}")
     return 0
+
+
+def _missing(gaps: Mapping[str, ScanGaps]) -> str:
+    """Return how many scans are missing, for the end of the summary; of each sensor where there are several."""
+    found = [(f" of {name}" if len(gaps) > 1 else "", each.missing) for name, each in sorted(gaps.items())]
+    return "".join(f"; {counted(number, 'scan')}{which} missing" for which, number in found)
 
 
 class _Display:
