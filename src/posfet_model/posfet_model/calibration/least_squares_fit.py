@@ -558,8 +558,16 @@ def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares,
     """Return the prediction error on the hold-out set as forces, with the fit and with nominal parameters.
 
     Forces with the leakage compensated from the first scan on, 20 ms means; the film's temperature is that of the
-    untouched taxels.
+    untouched taxels. Start and offset, of which the latter is a slope here, are those of the training set in both: an
+    uncalibrated model learns its baselines, too.
     """
+
+    def error(compensated: Array) -> Array:
+        fitted = block_means(compensated, data.size)
+        line = np.polynomial.Polynomial.fit(time[~held_out], fitted[~held_out], 1)
+        difference: Array = (fitted - line(time))[held_out]
+        return difference
+
     time = block_means(data.time, data.size)
     held_out = ~_fitted(time)
     nominal_tau = sensor.device.leak_time_constant
@@ -569,14 +577,10 @@ def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares,
         force, signal = data.force[:, taxel], data.signal[:, taxel]
         source = each.gain * force + each.coefficients[1:] @ data.plays[:, :, taxel] + shares.share[taxel] * data.common
         source = source + data.slow_charge(taxel, each.gain, found)
-        fitted = block_means(_compensated(data.time, signal, 1.0 / each.rate) - source, data.size)
-        # Start and offset, of which the latter is a slope here, are those of the training set.
-        line = np.polynomial.Polynomial.fit(time[~held_out], fitted[~held_out], 1)
-        error = (fitted - line(time))[held_out] / each.gain
-        nominal = _compensated(data.time, signal, nominal_tau) - force - data.common
-        unfitted = block_means(nominal, data.size)[held_out]
-        after, before = after + error**2, before + unfitted**2
-        samples += len(error)
+        fitted = error(_compensated(data.time, signal, 1.0 / each.rate) - source) / each.gain
+        nominal = error(_compensated(data.time, signal, nominal_tau) - force - data.common)
+        after, before = after + fitted**2, before + nominal**2
+        samples += len(fitted)
     alive = max(int((~dead).sum()), 1)
     stretch = (time[held_out] / STRETCH).astype(np.intp)
     starts, index, counts = np.unique(stretch, return_inverse=True, return_counts=True)
