@@ -28,7 +28,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
-from typing import Final
+from typing import Final, NamedTuple
 
 from posfet_driver.board.board_client import Board
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -95,6 +95,8 @@ RECOVERED: Final = 2 * SECOND
 """Time from the end of a fault to the next scan [ns]."""
 QUIET: Final = SECOND * 3 // 10
 """Time without faults after which scans are accounted for [ns]."""
+STRETCH: Final = 16
+"""Least number of ticks that are accounted for at once."""
 SAMPLES: Final = 24
 """Times at which the memory is measured."""
 QUARTERS: Final = range(0, SAMPLES, SAMPLES // 4)
@@ -145,6 +147,17 @@ class Findings:
             self.examples.append(f"{kind}: {text}")
 
 
+class Account(NamedTuple):
+    """What has become of the ticks until a scan."""
+
+    time: int
+    """Time at which the scan was published [ns]."""
+    sequence: int
+    published: int
+    lost: int
+    incomplete: int
+
+
 class Judge:
     """Compares published scans with what the board has sampled."""
 
@@ -161,7 +174,8 @@ class Judge:
         self._counters: dict[str, int] = {}
         self._delays: dict[int, tuple[int, int]] = {}  # shortest in each tenth of a second, and when that was [ns]
         self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
-        self._base: tuple[int, int, int, int] | None = None  # of the stretch: sequence, published, lost, incomplete
+        self._base: Account | None = None  # with which the stretch began
+        self._newest_account: Account | None = None
         self.quiet_since = 0
         self._transit = round(board.decoder.transit_time * SECOND)
         self._stamp = 0  # of the previous scan
@@ -177,7 +191,7 @@ class Judge:
 
     def end_stretch(self) -> None:
         """Account for nothing across this moment."""
-        self._base = None
+        self._base = self._newest_account = None
 
     def judge(self, scan: Scan, calm: bool) -> None:
         """Judge a scan that was just published."""
@@ -189,7 +203,8 @@ class Judge:
         self._flagged |= bool(scan.status & ScanStatus.BOARD_RESET)
         sent = self._find(scan, scan.sequence)
         if sent is None:
-            self._last, self._base = -1, None
+            self._last = -1
+            self.end_stretch()
             if calm and now - self.quiet_since > NUMBERED_AGAIN:
                 found.fail(
                     "misnumbered", self._at(scan, f"{(now - self.quiet_since) / 1e9:.3f} s after the last fault")
@@ -200,7 +215,8 @@ class Judge:
         if sent.power_on != self._power_on:
             if self.boots[sent.power_on] != self.boots[self._power_on] and not self._flagged:
                 found.fail("reset without a flag", self._at(scan, f"power-on {self._power_on} -> {sent.power_on}"))
-            self._power_on, self._last, self._base = sent.power_on, -1, None
+            self._power_on, self._last = sent.power_on, -1
+            self.end_stretch()
             self._delays.clear()
         self._flagged = False
         if scan.status & ScanStatus.BOARD_RESET:
@@ -213,8 +229,7 @@ class Judge:
         self._judge_stamp(scan, sent, calm)
         if found.published % 16 == 0:
             self.judge_counters()
-        if calm and scan.sequence % 16 == 0 and now - self.quiet_since > QUIET:
-            self._account(scan)
+        self._account(scan, calm and now - self.quiet_since > QUIET)
 
     def judge_counters(self) -> None:
         """Compare all counters of the report with the previous ones."""
@@ -322,14 +337,26 @@ class Judge:
         if calm:
             found.largest_error = max(found.largest_error, abs(error))
 
-    def _account(self, scan: Scan) -> None:
-        """Compare gaps with losses since the last time that all was known."""
-        found, statistics = self.findings, self._board.decoder.statistics
-        now = scan.sequence, found.published, statistics.lost_scans, statistics.incomplete_scans
-        before, self._base = self._base, now
-        if before is None:
+    def _account(self, scan: Scan, known: bool) -> None:
+        """Compare gaps with losses since the last time that all was known.
+
+        Scans that were held back are published at one time, and what is missing between them is counted with the first:
+        the account is that of the last.
+        """
+        found, statistics, now = self.findings, self._board.decoder.statistics, self._link.clock.now
+        account, self._newest_account = self._newest_account, None
+        if known:
+            losses = statistics.lost_scans, statistics.incomplete_scans
+            self._newest_account = Account(now, scan.sequence, found.published, *losses)
+        if account is None or account.time == now:
             return
-        span, published, lost, incomplete = (new - old for new, old in zip(now, before, strict=True))
+        base = self._base
+        if base is not None and account.sequence - base.sequence < STRETCH:
+            return
+        self._base = account
+        if base is None:
+            return
+        _, span, published, lost, incomplete = (new - old for new, old in zip(account, base, strict=True))
         found.stretches += 1
         found.sampled += span
         found.lost += lost

@@ -28,6 +28,8 @@ from support.clocks import SteppedClock
 BASE: Final = 0x100
 KEPT: Final = 20_000
 """Scans of the log that are kept: more than any fault but a host stop can delay."""
+SENT_LATER: Final = 2_000_000_000
+"""Time for which a board keeps no scan that it could not send [ns]."""
 FALSE_PERIODS: Final = (1, 499, 20_000, 2_000_000, 10_000_000)
 """Scan periods that a board states and does not keep [us]."""
 LOG_PIPE: Final = 1 << 20
@@ -228,8 +230,9 @@ class Link:
         while self.clock.now < end:
             self.clock.now = min(self.clock.now + STEP * 1000, end)
             full = max(len(self._queue), len(self._stalled)) >= self.room
+            cut = not self.active.keys().isdisjoint({"cable out", "unplugged"}) and self.clock.now < end - SENT_LATER
             self.run(self.clock.now)
-            self.board.is_heard = not full
+            self.board.is_heard = not full and not cut
         self.board.is_heard = True
         if len(self._queue) >= self.room:
             self._queue.append((self.clock.now, (0x004, ERROR, bytes([0, 1]).ljust(8, b"\0"))))

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,6 +53,32 @@ def test_a_run_of_a_single_fault_has_its_memory_measured(plain_program: Path) ->
     found = campaign(plain_program, "FD 5x5 1 kHz", 500, seed=1)
     assert sum(found.faults.values()) <= 3
     assert len(found.memory) == 4
+
+
+@pytest.mark.parametrize("name", ["FD 5x5 1 kHz", "classic 5x5 1 kHz"])
+@pytest.mark.parametrize("counted", [1.0, 0.9])
+def test_losses_that_the_driver_does_not_count_are_found(
+    plain_program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, counted: float
+) -> None:
+    bench = Adversary(plain_program, tmp_path, variants()[name], seed=1)
+    statistics, report = bench.board.decoder.statistics, bench.board.report
+
+    class Counted:
+        lost_scans = property(lambda _: int(counted * statistics.lost_scans))
+        incomplete_scans = property(lambda _: statistics.incomplete_scans)
+
+    monkeypatch.setattr(
+        bench.judge, "_board", SimpleNamespace(decoder=SimpleNamespace(statistics=Counted()), report=report)
+    )
+    bench.board.open()
+    bench.read(SECOND, calm=True)
+    for _ in range(8):
+        bench.fault(["frames lost", "host delayed"])
+    found = bench.judge.findings
+    bench.board.close()
+    assert bench.hardware.close() == 0
+    assert found.stretches > 50
+    assert found.failures.keys() == ({"silent loss"} if counted < 1.0 else set()), found.examples
 
 
 @pytest.mark.parametrize(("seed", "scans"), [(1, 2000), (2, 7000)])

@@ -477,3 +477,23 @@ def test_a_reset_is_flagged_when_the_scan_that_would_have_carried_the_flag_is_dr
     assert sequences == list(range(16, 40))
     flagged = [sequence for sequence, status in published_status if status & ScanStatus.BOARD_RESET]
     assert flagged == [16]
+
+
+@BOTH
+@pytest.mark.parametrize("jump", [-40.0, 3.0, 19.0, 90_000.0])
+@pytest.mark.parametrize("missing", [0, 1, 20])
+def test_a_jump_of_the_clock_is_bounded_though_only_an_identity_states_the_period(
+    fd: bool, jump: float, missing: int
+) -> None:
+    """The period stated is false: counted on by it, the time is that of the future."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(200))
+    identity = Identity(Identification(SENSOR.layout.id, PROTOCOL_VERSION, fd, 1), 0, 20_000)
+    heard.receive(199.5, [(BASE + IDENTITY_OFFSET, CLASSIC, identity.pack())])
+    for sequence in range(200 + missing, 2000):
+        heard.batch(sequence + (sequence % 7 > 0), [Tick(sequence, sequence, stated=sequence + jump)])
+    assert heard.scans[-1].sequence >= 1984
+    assert not heard.unbounded
+    bounds = [scan.bound for scan in heard.scans if scan.sequence > 1700 and not math.isnan(scan.bound)]
+    assert len(bounds) > 200
+    assert max(bounds) < 8.0

@@ -69,3 +69,21 @@ def test_times_that_are_counted_on_measure_nothing() -> None:
     ticks = line((0, 0), (16, 16_000))
     ticks.add(32, 32_010, estimated=True)
     assert ticks.period == 1000.0
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_a_contradiction_that_was_resolved_confirms_no_later_one(announced: bool) -> None:
+    """A step that is mixed of two periods is as long as one of another change, long before."""
+    if announced:  # 2 ms, without a word of it
+        ticks = line((0, 0), (16, 16_000), (32, 48_000), (48, 80_000))
+        assert ticks.period == 2000.0
+        ticks.restart(3000.0)
+        begin, period = 80_000 - 48 * 3000, 3000
+    else:  # a header of a sequence that jumped
+        ticks = line((0, 0), (16, 32_000), (32, 48_000))
+        begin, period = 16_000, 1000
+    for sequence in (64, 80):
+        ticks.add(sequence, begin + sequence * period, estimated=False)
+    assert ticks.period == period
+    ticks.add(96, begin + 80 * period + 16 * 2000, estimated=False)
+    assert (ticks.period, ticks.certain) == (period, False)

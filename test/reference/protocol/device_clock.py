@@ -132,6 +132,8 @@ class DeviceClock:
         """
         counted = self._counted + expected
         elapsed = (reading - self._reading) % self._modulus
+        if slack and self._sync.delay(self._read_time + elapsed, arrival) < EARLIEST:
+            fits = False  # the longest of several periods is not that of the board: the time is of the future
         if elapsed and fits and not self._in_a_row and expected < self._modulus // 2:  # as nearly always
             late = self._late + elapsed - expected
             self._late = late if 0.0 < late < period else 0.0
@@ -200,6 +202,11 @@ class DeviceClock:
         """Return that of two times which the arrival speaks for; what it leaves open is uncertain for a while."""
         delay, other = self._sync.delay(read, arrival), abs(self._sync.delay(by_sequence, arrival))
         time = by_sequence if other < abs(delay) and not EARLIEST <= delay <= other + PROMPT else read
+        early = self._sync.delay(time, arrival)
+        if early < EARLIEST:  # both are of the future: neither is right
+            time += round(early / 1000)
+            self._sync.doubt(time, arrival, time - self.time)
+            return time
         self._sync.doubt(time, arrival, min(time - min(read, by_sequence - slack), time - self.time))
         return time
 

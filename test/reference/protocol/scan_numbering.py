@@ -237,7 +237,8 @@ class ScanNumbering:
         return True
 
     def _advance(self, ahead: int, reading: int, expected: float, fits: bool, arrival: int) -> int:
-        slack = expected - ahead * min(self.period, *self._earlier) if self._earlier else 0.0
+        measured = [] if fits or not self._step else [self._step]
+        slack = max(expected - ahead * min([self.period, *self._earlier, *measured]), 0.0)
         self._clock.advance(reading, expected, fits, arrival, self.period, slack)
         if self._open or ahead > UNTIMED:
             self._clock.interrupt(arrival)

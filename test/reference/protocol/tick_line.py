@@ -44,7 +44,7 @@ class TickLine:
         """Scan period [us], as announced, or as measured when two steps contradict that alike."""
         self._announced = 0.0
         self._unconfirmed = 0  # steps that have to fit before the period is certain again
-        self._contradiction = 0.0  # newest step that does [us]
+        self._contradiction = 0.0  # step before that does not fit [us]; 0: it did
         self._steps: deque[float] = deque(maxlen=STEPS)  # periods from one header to the next [us]
         self._headers: deque[tuple[int, int]] = deque(maxlen=STEPS + 1)  # sequence and time, on one line
         self._newest = 0, 0
@@ -58,6 +58,7 @@ class TickLine:
         """Forget all headers: the board announces a scan period [us], or has restarted."""
         self._announced = self.nominal = self.period = period
         self._unconfirmed = 0
+        self._contradiction = 0.0
         self._steps.clear()
         self._headers.clear()
 
@@ -110,6 +111,7 @@ class TickLine:
                 self._headers.clear()
             else:
                 self._unconfirmed = max(self._unconfirmed - 1, 0)
+                self._contradiction = 0.0
                 if scans <= HEADER_SCANS and not estimated:
                     self._steps.append(elapsed / scans)
                     self.period = median([*[self.nominal] * NOMINAL, *self._steps])

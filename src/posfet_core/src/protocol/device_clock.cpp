@@ -26,7 +26,10 @@ void DeviceClock::advance(const Reading& scan) {
   const double counted = counted_ + scan.expected;
   const std::uint32_t within = between(reading_, scan.reading);
   const bool wraps = scan.expected >= static_cast<double>(modulus_) / 2.0;
-  if (within > 0 && scan.fits && in_a_row_ == 0 && !wraps) {  // as nearly always
+  // The longest of several periods is not that of the board where the time would be of the future.
+  const bool too_long = scan.slack > 0.0 && sync_.delay(read_time_ + within, scan.arrival) < kEarliest;
+  const bool fits = scan.fits && !too_long;
+  if (within > 0 && fits && in_a_row_ == 0 && !wraps) {  // as nearly always
     const double late = late_ + within - scan.expected;
     late_ = 0.0 < late && late < scan.period ? late : 0.0;
     reading_ = scan.reading;
@@ -36,11 +39,11 @@ void DeviceClock::advance(const Reading& scan) {
   }
   const Wide since = elapsed(scan.reading, counted);
   if (since == 0) {
-    repeat(counted, scan.fits, scan.expected <= scan.period, scan.arrival);
+    repeat(counted, fits, scan.expected <= scan.period, scan.arrival);
     return;
   }
   Wide time = read_time_ + since;
-  if (in_a_row_ > 0 || !scan.fits) {
+  if (in_a_row_ > 0 || !fits) {
     time = decide(time, count_on(counted), scan.arrival, scan.slack);
   }
   take(scan.reading, time);
@@ -85,7 +88,13 @@ Wide DeviceClock::decide(Wide read, Wide by_sequence, Wide arrival, double slack
   const double delay = sync_.delay(read, arrival);
   const double other = std::abs(sync_.delay(by_sequence, arrival));
   const bool right = kEarliest <= delay && delay <= other + kPrompt;
-  const Wide time = other < std::abs(delay) && !right ? by_sequence : read;
+  Wide time = other < std::abs(delay) && !right ? by_sequence : read;
+  const double early = sync_.delay(time, arrival);
+  if (early < kEarliest) {  // both are of the future: neither is right
+    time += rounded(early / 1000.0);
+    sync_.doubt(time, arrival, real(time - time_));
+    return time;
+  }
   const double least = std::min(real(read), real(by_sequence) - slack);
   sync_.doubt(time, arrival, std::min(real(time) - least, real(time - time_)));
   return time;

@@ -145,7 +145,8 @@ bool ScanNumbering::is_successor(const Number& number) {
 
 std::int64_t ScanNumbering::advance(std::uint32_t ahead, std::uint32_t reading, double expected, bool fits,
                                     Wide arrival) {
-  const double slack = earlier_ ? expected - ahead * shortest_period() : 0.0;
+  const double shortest = fits || step_ == 0.0 ? shortest_period() : std::min(shortest_period(), step_);
+  const double slack = std::max(expected - ahead * shortest, 0.0);
   clock_.advance({reading, expected, fits, arrival, period_, slack});
   if (open_ || ahead > kUntimed) {
     clock_.interrupt(arrival);

@@ -18,6 +18,7 @@ namespace posfet::protocol {
 void TickLine::restart(double period) {
   announced_ = nominal_ = period_ = period;
   unconfirmed_ = 0;
+  contradiction_ = 0.0;
   steps_.clear();
   headers_.clear();
 }
@@ -48,6 +49,7 @@ void TickLine::measure(std::int64_t scans, Wide elapsed, bool estimated) {
   const auto count = static_cast<double>(scans);
   if (std::abs(real(elapsed) - count * period_) <= kLatestTick * period_) {
     unconfirmed_ = std::max(unconfirmed_ - 1, 0);
+    contradiction_ = 0.0;
     if (scans <= kHeaderScans && !estimated) {
       steps_.add(real(elapsed) / count);
       period_ = median_period();

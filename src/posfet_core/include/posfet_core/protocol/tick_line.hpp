@@ -86,7 +86,7 @@ private:
   double nominal_ = 0.0;
   double announced_ = 0.0;
   int unconfirmed_ = 0;                 ///< Steps that have to fit before the period is certain again.
-  double contradiction_ = 0.0;          ///< Newest step that does not fit [us].
+  double contradiction_ = 0.0;          ///< Step before that does not fit [us]; 0: it did.
   Recent<double, kSteps> steps_;        ///< Periods from one header to the next [us].
   Recent<Header, kSteps + 1> headers_;  ///< On one line.
   Header newest_;
