@@ -89,9 +89,12 @@ static void queue_scan(posfet_board *board, const posfet_scan *scan) {
         posfet_encode_classic_block(queue_append(board), base_id, scan, block);
 }
 
+// A scan is missing: without a header before the next one, its blocks do not tell how many are.
+static void note_missing(posfet_board *board) { board->overrun = board->header_due = true; }
+
 static void scan(posfet_board *board, uint32_t sequence) {
     if (!has_room_for_scan(board, sequence)) {
-        board->overrun = true;
+        note_missing(board);
         return;
     }
     uint32_t started = board->clock;
@@ -117,7 +120,7 @@ static void run_scan_timer(posfet_board *board) {
     board->next_sequence += (uint32_t)(missed & UINT32_MAX);
     const uint32_t sequence = board->next_sequence++;
     if (!board->scanning) return;
-    if (missed > 0) board->overrun = true;
+    if (missed > 0) note_missing(board);
     scan(board, sequence);
 }
 

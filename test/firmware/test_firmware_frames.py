@@ -215,6 +215,19 @@ def test_a_stalled_board_and_a_blocked_bus_miss_whole_scans(program: Path) -> No
     assert [block["BlockStatus"] for block in blocked[-6:]] == [0, 8, 0, 0, 0, 0]
 
 
+def test_a_classic_header_follows_missing_scans(program: Path) -> None:
+    with virtual_board(program, "--format", "classic") as board:
+        board.send(command("START"))
+        board.run_until(10_000)
+        stalled = decoded(board.line("J 20500") + board.run_until(31_500), "ScanHeader")
+        assert [header["HeaderSequence"] for header in stalled] == [20]
+        board.line("B 1")
+        board.run_until(SECOND)
+        board.line("B 0")
+        released = decoded(board.run_until(SECOND + 5000), "ScanHeader")
+    assert [header["HeaderSequence"] for header in released] == [1001]
+
+
 def test_any_input_is_survived(program: Path) -> None:
     """Malformed lines are answered with a question mark; sanitizers watch."""
     generator = random.Random(3)

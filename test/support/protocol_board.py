@@ -111,6 +111,7 @@ class ProtocolBoard:
 
     def on_tick(self) -> list[Frame]:
         frames = self.scan(self.sequence, self.tick) if self.sends_scan() else []
+        self.header_due |= self.scanning and not frames
         self.count_tick()
         self.tick += self.period
         return frames

@@ -175,6 +175,7 @@ class HasAnUnsteadyClock(ProtocolBoard):
 @breaks("T5")
 class LeavesScansOut(ProtocolBoard):
     sent = 0
+    left_out = 50
 
     def start(self, argument: int, time: int) -> tuple[int, int]:
         self.sent = 0
@@ -182,7 +183,7 @@ class LeavesScansOut(ProtocolBoard):
 
     def scan(self, sequence: int, tick: int) -> list[Frame]:
         self.sent += 1
-        return [] if self.sent == 50 else super().scan(sequence, tick)
+        return [] if self.sent == self.left_out else super().scan(sequence, tick)
 
 
 @breaks("S1", FD_BOARDS, CLASSIC_BOARDS)
@@ -219,6 +220,17 @@ class SendsNoHeaderAfterStart(ProtocolBoard):
         answer = super().start(argument, time)
         self.header_due = False
         return answer
+
+
+@breaks("S2", CLASSIC_BOARDS)
+class SendsNoHeaderAfterMissingScans(LeavesScansOut):
+    left_out = 90
+
+    def on_tick(self) -> list[Frame]:
+        due = self.header_due
+        frames = super().on_tick()
+        self.header_due = self.header_due and (due or bool(frames))
+        return frames
 
 
 @breaks("S2", CLASSIC_BOARDS)

@@ -332,6 +332,17 @@ def test_no_classic_scan_is_dropped_when_another_host_sets_the_period(phase: int
     assert not heard.unbounded
 
 
+@pytest.mark.parametrize("phase", [0, 9, 15])
+@pytest.mark.parametrize("missed", [1, 7, 8, 16, 40])
+def test_no_classic_scan_is_dropped_after_ticks_that_the_board_has_missed(phase: int, missed: int) -> None:
+    heard, first = Listener(fd=False), 200 + phase + missed
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(first - missed))
+    heard.one_by_one(Tick(sequence, sequence, header=(sequence == first) or None) for sequence in range(first, 600))
+    assert [scan.sequence for scan in heard.scans] == [*range(first - missed), *range(first, 600)]
+    assert heard.decoder.statistics.lost_scans == missed
+    assert not heard.unbounded
+
+
 def test_an_overflow_leaves_no_classic_scan_with_a_number_that_only_its_arrival_tells() -> None:
     """The host stood still after a reset: what the kernel had kept arrives with the scans of two seconds later."""
     heard = Listener(fd=False)

@@ -141,7 +141,7 @@ def _number(scan: SeenScan) -> str:
 
 @check("S2", Phase.REVIEW)
 def headers(session: Session) -> str:
-    """Check that a header precedes block 0 of each 16th scan, of the first one, and of the first at a new period."""
+    """Check that a header precedes block 0 of each 16th scan, of the first, after missing ones, and at a new period."""
     if session.board.fd:
         raise NotCheckedError("the board sends FD blocks")
     for frame in session.named("ScanHeader"):
@@ -160,6 +160,8 @@ def headers(session: Session) -> str:
                 raise BrokenRuleError("no header before the first scan after START")
             if scan.sequence % every == 0:
                 raise BrokenRuleError(f"no header before scan {scan.sequence}, a multiple of {every}")
+            if (scan.sequence - scans[number - 1].sequence) % SEQUENCES != 1:
+                raise BrokenRuleError(f"no header before scan {scan.sequence}, the first one after missing scans")
         _headers_at_new_periods(session, run, scans)
     return f"{len(session.named('ScanHeader'))} headers"
 

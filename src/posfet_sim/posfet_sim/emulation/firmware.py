@@ -163,8 +163,8 @@ class BoardFirmware:
         """Return the frames that are due at `now` [ns], in the order in which they are sent.
 
         Scans in FD frames that are later than LONGEST_BACKLOG are missed, but for the newest of them. Of those in
-        classic frames, which after a gap only a header numbers, all but the newest are missed then, as after a stop. So
-        are status frames, of which one that is due waits for no late scan then.
+        classic frames, which after a gap only a header numbers that is not late, all but the newest are missed then, as
+        after a stop. So are status frames, of which one that is due waits for no late scan then.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class BoardFirmware:
             self._position += ticks * self._step
             self._sequence += ticks
             self.missed += ticks
-            self._late_scan = self._late_status = True
+            self._late_scan = self._late_status = self._header_due = True
 
     def _scan_frames(self, now: int) -> list[Frame]:
         scan = self._scan
