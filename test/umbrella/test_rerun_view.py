@@ -109,7 +109,9 @@ def test_a_file_has_forces_contacts_and_times(tmp_path: Path) -> None:
         assert source.enough.wait(60.0)
     found = columns(path)
     assert found["/tactile/total_force:Scalars:scalars"] == [[15.0]] * SNAPSHOTS, sorted(found)
-    assert found["/tactile/force/contacts:Points2D:positions"] == [[[2.5, 0.5]]] * SNAPSHOTS
+    assert found["/tactile/force/contacts:Points2D:positions"] == [[[2.5, 1.5]]] * SNAPSHOTS  # y points up
+    image = np.array(found["/tactile/force:DepthImage:buffer"][0][0], np.uint8).view(np.float32).reshape(2, 3)
+    np.testing.assert_array_equal(image, [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]])
     assert found["/tactile/force/contacts:Points2D:labels"] == [["#7 1.00 N at (+1.50, -0.75) mm"]] * SNAPSHOTS
     times = [STARTED + number * 1_000_000 for number in range(1, SNAPSHOTS + 1)]
     assert found["/tactile/total_force:acquired"] == times

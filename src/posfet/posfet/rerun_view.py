@@ -123,7 +123,7 @@ def log(stream: Any, name: str, snapshot: Snapshot, array: ArrayView | None) -> 
     """
     rerun = _rerun()
     stream.set_time("acquired", timestamp=np.datetime64(snapshot.stamp, "ns"))
-    force = snapshot.force.reshape(snapshot.rows, snapshot.cols).astype("float32")
+    force = snapshot.force.reshape(snapshot.rows, snapshot.cols)[::-1].astype("float32")  # y of an image points down
     stream.log(f"{name}/force", rerun.DepthImage(force, meter=1.0, colormap="viridis"))
     stream.log(f"{name}/total_force", rerun.Scalars(snapshot.total_force))
     stream.log(f"{name}/total_force/two_sigma", rerun.Scalars(2 * snapshot.total_standard_deviation))
@@ -133,7 +133,7 @@ def log(stream: Any, name: str, snapshot: Snapshot, array: ArrayView | None) -> 
 
     def place(x: float, y: float) -> tuple[float, float]:
         """Return the pixel of the force image that shows a point of the surface."""
-        return x / array.pitch[0] + 0.5 * snapshot.cols, y / array.pitch[1] + 0.5 * snapshot.rows
+        return x / array.pitch[0] + 0.5 * snapshot.cols, 0.5 * snapshot.rows - y / array.pitch[1]
 
     stream.log(
         f"{name}/force/contacts",
