@@ -61,6 +61,8 @@ TARGETS = (
     Target("sustained_16x16_hz", "16 x 16, without loss", (890, 3000), at_least=True),
     Target("sustained_32x32_hz", "32 x 32, without loss", (235, 2000), at_least=True),
     Target("slcan_fd_ratio", "slcan FD frames per second over those of python-can", (50, 150), at_least=True),
+    Target("decode_mapped_5x5_fd_ratio", "a scan of a board with frames of its own over one of ours, FD", (2.0, 1.25)),
+    Target("decode_mapped_5x5_classic_ratio", "the same, classic frames", (2.0, 1.25)),
     Target("sim_vs_ngspice_64", "speed over ngspice, 64 followers at equal step", (20, 100), at_least=True),
     Target("sim_vs_ngspice_4096", "speed over ngspice, 4096 followers", (200, 1000), at_least=True),
     Target("sim_5x5_cpu_pct", "simulated 5 x 5 board at 1 kHz, share of a core", (5, 2)),
