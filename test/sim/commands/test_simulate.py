@@ -93,8 +93,11 @@ def test_an_mcap_file_describes_its_contents(tmp_path: Path) -> None:
 
 def by_mcap_ros2(path: Path) -> list[tuple[str, int, Any]]:
     """Topic, time [ns] and message of each record, decoded by the ROS 2 reader of the MCAP project with the schemas."""
-    reader = pytest.importorskip("mcap_ros2.reader")
-    return [(each.channel.topic, each.log_time_ns, each.ros_msg) for each in reader.read_ros2_messages(str(path))]
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    reader = pytest.importorskip("mcap.reader")
+    with path.open("rb") as file:
+        decoded = reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()]).iter_decoded_messages()
+        return [(channel.topic, record.log_time, message) for _, channel, record, message in decoded]
 
 
 def by_rosbags(path: Path) -> list[tuple[str, int, Any]]:

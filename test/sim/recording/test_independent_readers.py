@@ -20,7 +20,8 @@ pytest.importorskip("mcap")
 pytest.importorskip("mcap_ros2", reason="pip install mcap-ros2-support")
 pytest.importorskip("rosbags", reason="pip install rosbags")
 
-from mcap_ros2.reader import read_ros2_messages
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from posfet.replay_command import main as replay
@@ -71,7 +72,9 @@ def recording(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 def test_independent_readers_and_this_one_decode_the_same(recording: Path) -> None:
     ours = [(each.topic.name, each.topic.reader.read(each.data)) for each in Recording(recording).messages()]
-    others = [(each.channel.topic, each.ros_msg) for each in read_ros2_messages(str(recording))]
+    with recording.open("rb") as file:
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        others = [(channel.topic, message) for _, channel, _, message in decoded]
     with AnyReader([recording]) as reader:
         third = [(at.topic, reader.deserialize(raw, at.msgtype)) for at, _, raw in reader.messages()]
     assert [name for name, _ in ours] == [name for name, _ in others] == [name for name, _ in third]
