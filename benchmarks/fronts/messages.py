@@ -46,7 +46,7 @@ class Outputs:
         self._outputs = ModelOutputs(node, True, True, output_qos("reliable", OUTPUT_DEPTH), display_rate=30.0)
         self._outputs.describe(SENSOR, "array")
         self._all = set(self._outputs._subscriptions._publishers)
-        self._contacts = {self._outputs._contacts}
+        self._contacts = {self._outputs.contacts}
 
     def with_period(self, period: float, scans: Sequence[Scan]) -> None:
         """Process scans and publish contacts; count subscribers once in a period [s]."""

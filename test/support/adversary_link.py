@@ -153,6 +153,7 @@ class Link:
 
     unreadable = 0
     arrival_stamp = 0
+    port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, board: LoggedBoard, fd: bool, noise: random.Random) -> None:
         self.active: dict[str, int] = {}

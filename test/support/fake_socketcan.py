@@ -146,6 +146,12 @@ class DeviceSocket(socket.socket):
             data = super().recv(size, flags)
         return data
 
+    def getsockopt(self, level: int, option: int, *size: int) -> Any:  # type: ignore[override]
+        if (level, option) != (socket.SOL_SOCKET, socket.SO_ERROR):
+            return super().getsockopt(level, option, *size)
+        code, self._error = self._error, 0
+        return code
+
     def send(self, data: bytes, flags: int = 0) -> int:  # type: ignore[override]
         assert self.device is not None
         self._raise_error()

@@ -9,7 +9,9 @@
 
 from __future__ import annotations
 
-from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+import struct
+
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
 
 FRAMES: list[Frame] = [
     (0x123, CLASSIC, b"\x01\x02"),
@@ -22,3 +24,13 @@ FRAMES: list[Frame] = [
     (0x1ABC_DEF0, FD | EXTENDED, bytes(12)),
     (0x1ABC_DEF0, FD | RATE_SWITCH | EXTENDED, bytes(64)),
 ]
+
+
+def to_kernel(frame: Frame) -> bytes:
+    """Return a frame as a read of a socket returns it."""
+    identifier, kind, data = frame
+    flags = 0x8000_0000 * bool(kind & EXTENDED) | 0x4000_0000 * bool(kind & REMOTE) | 0x2000_0000 * bool(kind & ERROR)
+    size = 64 if kind & FD else 8
+    return struct.pack("=IBB2x", identifier | flags, len(data), kind & RATE_SWITCH != 0) + data[:size].ljust(
+        size, b"\0"
+    )

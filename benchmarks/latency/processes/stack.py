@@ -25,13 +25,13 @@ from posfet_model.ros.run_node import ros, spin
 
 def record_publishing(model: Any, times: TimeLog) -> None:
     """Record the time just before each contacts message is published."""
-    publish = model._outputs._contacts.publish
+    publish = model._outputs.contacts.publish
 
     def recorded(message: Any) -> None:
         times.add(model._result.sequence)
         publish(message)
 
-    model._outputs._contacts.publish = recorded
+    model._outputs.contacts.publish = recorded
 
 
 def main() -> None:

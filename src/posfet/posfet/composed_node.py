@@ -76,7 +76,7 @@ class Graph:
         self._model: ModelNode = self.nodes["model_node"]
         self._simulation: Any = self.nodes.get("sim_board_node")
         self._source: ScanSourceNode = self.nodes[specs[-1].executable]
-        self._source.sink = self._model.process
+        self._source.sink, self._source.stream = self._model.process, self._model.stream
         try:
             self._model.use_frame(self._source.frame_id)
         except BaseException:

@@ -26,8 +26,6 @@ namespace posfet {
 
 namespace {
 
-bool is_block_due(const ScanPath& path, double duration) { return path.integration().block().elapsed >= duration; }
-
 /// Process a scan of Python. `close_block` is called before where a block has lasted for `duration` [s]; `start` where
 /// the estimator has to start with the scan: with its charge densities, and whether that is after an interruption.
 /// Returns whether the scan was accepted, was unusable, is valid, why not, and the number of saturated taxels.
@@ -36,7 +34,7 @@ py::tuple process(const py::object& self, const py::object& object, double durat
   auto& path = self.cast<ScanPath&>();
   const PythonScan scan(object);
   if (path.receive(scan.scan())) {
-    if (is_block_due(path, duration)) {
+    if (path.is_block_due(duration)) {
       close_block();
     }
     if (!path.begin(scan.scan())) {
@@ -47,6 +45,12 @@ py::tuple process(const py::object& self, const py::object& object, double durat
   const ScanResult& result = path.result();
   return py::make_tuple(result.accepted, result.unusable, result.valid, static_cast<int>(result.reasons),
                         result.saturated);
+}
+
+py::tuple result_of(const ScanPath& path) {
+  const ScanResult& result = path.result();
+  return py::make_tuple(result.accepted, result.unusable, result.valid, static_cast<int>(result.reasons),
+                        result.saturated, result.stamp, result.sequence);
 }
 
 py::tuple contacts_of(const ScanPath& path) {
@@ -93,7 +97,9 @@ void bind_path(const py::module_& module) {
       .def("process", &process, py::arg("scan"), py::arg("duration"), py::arg("close_block"), py::arg("start"),
            "Process a scan; return whether it was accepted, unusable, valid, why not, and how many taxels are "
            "saturated.")
-      .def("is_block_due", &is_block_due, py::arg("duration"), "Return whether a block has lasted that long [s].")
+      .def_property_readonly("result", &result_of, "Of the newest scan what `process` returns, its stamp and sequence.")
+      .def("is_block_due", &ScanPath::is_block_due, py::arg("duration"),
+           "Return whether a block has lasted that long [s].")
       .def_property_readonly("contacts", &contacts_of, "Contacts of the result, a new tuple.")
       .def_property_readonly(
           "motions", [](const ScanPath& path) { return to_python(path.motions()); },

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from posfet_core.protocol import OFFSET_TOLERANCE, ArrivalTime
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.listening_board import ListeningBoard
-from posfet_driver.bus.arrival_time import OFFSET_TOLERANCE, ArrivalTime
 from posfet_driver.bus.frame import Frame
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.bus_node import Node
@@ -71,6 +71,7 @@ class LateBus:
 
     unreadable = 0
     arrival_stamp = 0
+    port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, firmware: Node, delay: int, stamped: bool) -> None:
         self._clock, self._firmware, self._delay, self._stamped = clock, firmware, delay, stamped

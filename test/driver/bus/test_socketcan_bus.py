@@ -21,6 +21,7 @@ import can
 import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame
 
+from posfet_core.protocol import READ_LIMIT
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
@@ -29,7 +30,6 @@ from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import BusSettings, bus_settings, open_bus, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
-from posfet_driver.bus.socketcan_bus import READ_LIMIT
 from posfet_driver.protocol.identifiers import board_frames
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware

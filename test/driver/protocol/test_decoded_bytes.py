@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 import random
-import struct
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import pytest
 
 from posfet_core.protocol import LineReader
-from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
 from posfet_driver.bus.slcan_codec import encode_line
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.decoder import Decoder
@@ -26,21 +25,12 @@ from posfet_driver.protocol.messages import STATUS_OFFSET, Status
 from posfet_model.sensor.description import Sensor
 from reference.protocol import kernel_frames, slcan_lines
 from support.decoder_pair import BASE, SENSOR, WALL, Pair, run, seen
+from support.frame_examples import to_kernel
 
 if TYPE_CHECKING:
     from posfet_core.protocol import Found
 
 JUNK = (b"z\r", b"\r", b"\a", b"F04\r", b"t1", b"t100G\r", b"t1008" + b"0" * 200 + b"\r", b"r1000\r")
-
-
-def to_kernel(frame: Frame) -> bytes:
-    """Return a frame as a read of a socket returns it."""
-    identifier, kind, data = frame
-    flags = 0x8000_0000 * bool(kind & EXTENDED) | 0x4000_0000 * bool(kind & REMOTE) | 0x2000_0000 * bool(kind & ERROR)
-    size = 64 if kind & FD else 8
-    return struct.pack("=IBB2x", identifier | flags, len(data), kind & RATE_SWITCH != 0) + data[:size].ljust(
-        size, b"\0"
-    )
 
 
 class BytePair(Pair):
@@ -64,7 +54,7 @@ class BytePair(Pair):
         for result in found:
             if len(result) == 3:
                 if not result[1] & ERROR:
-                    ours.append(repr(self.ours._message(result)))
+                    ours.append(repr(self.ours.message(result)))
                 continue
             *stated, uncertainty, counts = result
             self.published += 1

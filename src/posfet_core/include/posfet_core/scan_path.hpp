@@ -88,6 +88,9 @@ public:
   void finish();
 
   const ScanResult& result() const { return result_; }
+
+  /// Whether a block has lasted for `duration` [s].
+  bool is_block_due(double duration) const { return parts_.integration->block().elapsed >= duration; }
   const ScanClock& clock() const { return *parts_.clock; }
   const ForceIntegration& integration() const { return *parts_.integration; }
 

@@ -28,6 +28,7 @@
 #include "python_batch.hpp"
 #include "python_frames.hpp"
 #include "python_integers.hpp"
+#include "python_loop.hpp"
 #include "python_mapped.hpp"
 
 namespace posfet::protocol {
@@ -377,4 +378,5 @@ PYBIND11_MODULE(protocol, module) {
   posfet::protocol::bind_scans(module);
   posfet::protocol::bind_decoder(module);
   posfet::protocol::bind_mapped(module);
+  posfet::protocol::bind_loop(module);
 }

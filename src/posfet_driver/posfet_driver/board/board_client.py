@@ -25,6 +25,7 @@ from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Command, Response
+from posfet_driver.protocol.scan_loop import LoopEnd
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
@@ -119,6 +120,7 @@ class Board:
             Overwritten by the next call: copy what is to be kept. None when no scan arrived in time.
         """
         connection, wait, end = self._connection, round(timeout * NANOSECONDS), 0
+        connection.take_rest()
         while not self._next_scan():
             # While scans arrive the time of the newest batch suffices, and nothing is due before the next one.
             steady = connection.state is ConnectionState.SCANS and connection.arrival + wait < connection.deadline
@@ -131,6 +133,44 @@ class Board:
             else:
                 self._wait(now, end)
         return self.decoder.scan
+
+    def stream(self, sink: object, timeout: float) -> Scan | None:
+        """Hand scans to a compiled sink, without Python, while the board does nothing but scan; else as `read`.
+
+        Parameters
+        ----------
+        sink : object
+            Capsule of what takes the scans.
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        Scan or None
+            A scan that the sink did not take, as `read` returns it. None when the sink wants no more now, `wake` was
+            called, or no such scan arrived in time.
+        """
+        connection = self._connection
+        if self._next_scan():
+            return self.decoder.scan
+        end = self._clock.monotonic() + round(timeout * NANOSECONDS)
+        while connection.can_loop() and not self._commands.pending():
+            found = connection.run_loop(sink, end)
+            if found == LoopEnd.SCAN:
+                connection.deadline = connection.arrival + connection.scan_timeout
+                return self.decoder.scan
+            if found == LoopEnd.MESSAGE and connection.loop is not None:
+                self._supervisor.handle(self.decoder.message(connection.loop.message))
+            elif found == LoopEnd.HANDED:
+                connection.read(0)
+                return self.decoder.scan if self._next_scan() else None
+            elif found != LoopEnd.INTERRUPTED:
+                return None
+        return self.read(max(end - self._clock.monotonic(), 0) / NANOSECONDS)
+
+    def wake(self) -> None:
+        """Have `stream` return; from any thread. After this no sink is given a scan until `stream` is called again."""
+        self._connection.control.wake()
 
     def submit(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Future[Response]:
         """Send a command, from any thread, while another one reads; scans go on meanwhile.
@@ -151,7 +191,9 @@ class Board:
         Future of Response
             Raises CommandError when the bus is not open, no response arrives in time, or the board refuses.
         """
-        return self._commands.put(command, argument, timeout, self._clock.monotonic())
+        pending = self._commands.put(command, argument, timeout, self._clock.monotonic())
+        self.wake()
+        return pending
 
     def request(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Response:
         """Send a command from the thread that reads and return the response; scans that arrive meanwhile are dropped.
@@ -184,7 +226,8 @@ class Board:
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
-        return board_report(self._connection, self.decoder, self.stamp_uncertainty, self.restarted, self.brown_outs)
+        with self._connection.control:
+            return board_report(self._connection, self.decoder, self.stamp_uncertainty, self.restarted, self.brown_outs)
 
     def _next_scan(self) -> bool:
         """Process the frames at hand up to the next complete scan; return whether there is one."""

@@ -17,16 +17,16 @@ import can
 from posfet_driver.board.connection_state import NOT_RECEIVING, ConnectionState
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.no_response import NoResponseMonitor
-from posfet_driver.bus.arrival_time import ArrivalTime
 from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
-from posfet_driver.clock import Clock
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.decoded import Decoded
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.mapped_decoder import MappedDecoder
+from posfet_driver.protocol.scan_loop import ArrivalTime, LoopControl, LoopEnd, ScanLoop
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import CanLink
@@ -85,6 +85,10 @@ class BoardConnection:
         """Time at which the newest batch of frames was read [ns]."""
         self.decoded: Iterator[Decoded] = iter(())
         """What the newest batch contains."""
+        self.control = LoopControl()
+        """Calls a loop back; held while what a loop changes is read in another thread."""
+        self.loop: ScanLoop | None = None
+        """Decodes what the open bus receives without Python; None where that needs Python."""
         self._decoder = decoder
         self._clock = clock
         self._searching = searching
@@ -182,6 +186,49 @@ class BoardConnection:
         self.decoded = self._decoder.decode(frames, arrival, wall_offset)
         return bool(frames)
 
+    def can_loop(self) -> bool:
+        """Return whether nothing but scans is awaited from the bus, and none is overdue."""
+        return (
+            self.loop is not None
+            and self.flowing
+            and self.state is ConnectionState.SCANS
+            and self.bus.read_by_port
+            and self._clock.monotonic() < self.deadline
+        )
+
+    def run_loop(self, sink: object, end: int) -> LoopEnd:
+        """Decode what arrives up to `end`, or up to the deadline, and hand on the scans, until Python is needed.
+
+        Parameters
+        ----------
+        sink : object
+            Capsule of what takes the scans.
+        end : int
+            Latest time of return [ns].
+
+        Returns
+        -------
+        LoopEnd
+            Why it has returned.
+        """
+        loop = self.loop
+        assert loop is not None
+        taken = loop.taken
+        self.load.add(self._batch, self.arrival)  # of the previous read
+        self._batch = []
+        found = loop.run(sink, (min(end, self.deadline) - self._clock.monotonic()) / NANOSECONDS)
+        self.arrival = max(self.arrival, loop.arrival)
+        self.load.add_counts(loop.take_frame_counts(), self.arrival)
+        if loop.taken != taken:
+            self.deadline = self.arrival + self.scan_timeout
+        return found
+
+    def take_rest(self) -> None:
+        """Decode what a loop has left of a batch before anything else."""
+        if self.loop is not None and self.loop.pending:
+            assert isinstance(self._decoder, Decoder)
+            self.decoded = self._decoder.rest_of(self.loop)
+
     def write(self, frame: Frame) -> None:
         """Send a frame, or nothing when the bus is not open."""
         try:
@@ -231,7 +278,7 @@ class BoardConnection:
         if state in NOT_RECEIVING:
             self._decoder.receiving = False
         if not self.bus.is_open:
-            self.decoded = iter(())
+            self.decoded, self.loop = iter(()), None
         timed = state not in {ConnectionState.CLOSED, ConnectionState.STOPPED}
         self.deadline = self._clock.monotonic() + round(timeout * NANOSECONDS) if timed else NEVER
 
@@ -244,4 +291,7 @@ class BoardConnection:
         if self.fault in {None, FaultKind.ADAPTER_DISCONNECTED}:
             self.reason = self._searching
         self.no_response.begin(self._clock.monotonic())
+        port = self.bus.port
+        if port is not None and isinstance(self._decoder, Decoder) and isinstance(self._clock, SystemClock):
+            self.loop = self._decoder.make_loop(port, self.control, self._arrival_time)
         return True

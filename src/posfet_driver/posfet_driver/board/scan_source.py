@@ -83,3 +83,29 @@ class ScanSource(ManagedDevice, Protocol):
             Overwritten by the next call: copy what is to be kept. None when no scan arrived in time.
         """
         ...
+
+
+@runtime_checkable
+class StreamingSource(ScanSource, Protocol):
+    """A source that can hand its scans to compiled code, without Python."""
+
+    def stream(self, sink: object, timeout: float) -> Scan | None:
+        """Hand scans to a sink of `posfet_core` while nothing but scans arrives; else as `read`.
+
+        Parameters
+        ----------
+        sink : object
+            Capsule of what takes the scans.
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        Scan or None
+            A scan that the sink did not take.
+        """
+        ...
+
+    def wake(self) -> None:
+        """Have `stream` return; from any thread. After this no sink is given a scan before `stream` is called again."""
+        ...

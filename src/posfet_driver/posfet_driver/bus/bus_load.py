@@ -54,12 +54,24 @@ class BusLoad:
         now : int
             Monotonic time [ns].
         """
+        self.add_counts(((kind, len(data), 1) for _, kind, data in frames), now)
+
+    def add_counts(self, frames: Iterable[tuple[int, int, int]], now: int) -> None:
+        """Add frames that were read up to `now` [ns].
+
+        Parameters
+        ----------
+        frames : iterable of tuple of int, int, int
+            Kind and length [byte] of frames, and their number.
+        now : int
+            Monotonic time [ns].
+        """
         times, busy = self._times, 0.0
-        for _, kind, data in frames:
+        for kind, length, number in frames:
             try:
-                busy += times[kind, len(data)]
+                busy += times[kind, length] * number
             except KeyError:
-                busy += times.setdefault((kind, len(data)), self._time(kind, len(data)))
+                busy += times.setdefault((kind, length), self._time(kind, length)) * number
         self._busy += busy
         if now - self._begin >= PERIOD:
             # After a pause of the reader all frames of the pause arrive at once: the period is the whole pause.

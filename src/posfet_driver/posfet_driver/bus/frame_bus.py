@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from posfet_core.protocol import FramePort
 from posfet_driver.bus.frame import Frame
 
 
@@ -25,6 +26,16 @@ class FrameBus(Protocol):
     @property
     def arrival_stamp(self) -> int:
         """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
+        ...
+
+    @property
+    def port(self) -> FramePort | None:
+        """Compiled port of the bus; None: it has none."""
+        ...
+
+    @property
+    def read_by_port(self) -> bool:
+        """Whether all frames can be read from the port now, without `read_frames`."""
         ...
 
     def read_frames(self, timeout: float) -> list[Frame]:

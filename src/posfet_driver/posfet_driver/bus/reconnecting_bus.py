@@ -13,6 +13,7 @@ import contextlib
 from collections.abc import Callable
 from typing import Final
 
+from posfet_core.protocol import FramePort
 from posfet_driver.bus.bus_error import bus_failure
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import ERROR, Frame
@@ -113,6 +114,16 @@ class ReconnectingBus:
     def arrival_stamp(self) -> int:
         """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
         return self._bus.arrival_stamp if self._bus else 0
+
+    @property
+    def port(self) -> FramePort | None:
+        """Compiled port of the open bus; None: it has none."""
+        return self._bus.port if self._bus else None
+
+    @property
+    def read_by_port(self) -> bool:
+        """Whether all frames can be read from the port now, and none is needed to follow an event."""
+        return bool(self._bus and self._bus.read_by_port) and not (self._loss.present or self._bus_off.present)
 
     @property
     def is_open(self) -> bool:

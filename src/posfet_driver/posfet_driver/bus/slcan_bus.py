@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import can
 
+from posfet_core.protocol import LinePort
 from posfet_driver.bus.error_frame import BUS_ERROR, CONTROLLER, PASSIVE, WARNING, error_frame
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
@@ -56,6 +57,8 @@ READ_SIZE: Final = 1 << 16
 """Largest number of bytes read at once."""
 REPLY_TIMEOUT: Final = 0.1
 """Time within which an adapter replies [s]; some never do."""
+WAIT: Final = 3600.0
+"""Time after which a reader without a time-out waits again [s]."""
 SILENT: Final = 2
 """Commands in a row without a reply after which none is waited for: an adapter is then one that never replies."""
 
@@ -117,6 +120,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         self._fd = _open_port(channel, speed)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
+        self._port = LinePort(self._fd, self._reader)
         self._open = True
         try:
             silent = 0
@@ -134,6 +138,16 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
     def unreadable(self) -> int:
         """Number of lines that are no frame and no reply."""
         return self._reader.malformed
+
+    @property
+    def port(self) -> LinePort:
+        """Compiled port of the bus."""
+        return self._port
+
+    @property
+    def read_by_port(self) -> bool:
+        """Whether all frames can be read from the port now: none waits here."""
+        return not self._frames
 
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
@@ -153,7 +167,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         can.CanOperationError
             When the adapter is disconnected.
         """
-        frames = self._reader.frames(self._read(timeout))
+        frames = self._read_frames(timeout)
         if self._reader.flags is not None:
             frames += _errors(self._reader.flags)
             self._reader.flags = None
@@ -181,7 +195,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         end = None if timeout is None else time.monotonic() + timeout
         while not self._frames:
             left = None if end is None else max(end - time.monotonic(), 0.0)
-            self._frames.extend(self._reader.frames(self._read(left)))
+            self._frames.extend(self._read_frames(WAIT if left is None else left))
             if left == 0:
                 break
         if not self._frames:
@@ -216,11 +230,20 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
                     return True
         return False
 
-    def _read(self, timeout: float | None) -> bytes:
-        """Return the waiting bytes; wait up to `timeout` [s] for the first."""
+    def _read_frames(self, timeout: float) -> list[Frame]:
+        """Return the waiting frames; wait up to `timeout` [s] for the first bytes."""
         if not self._open:
             raise can.CanOperationError("the bus is closed")
-        if not self._poll.poll(None if timeout is None else timeout * 1000):
+        try:
+            return self._port.read(timeout)
+        except EOFError as error:
+            raise can.CanOperationError(f"adapter disconnected: {error}") from error
+        except OSError as error:
+            raise can.CanOperationError(f"adapter disconnected: {error.strerror}") from error
+
+    def _read(self, timeout: float) -> bytes:
+        """Return the waiting bytes while the adapter is configured; wait up to `timeout` [s] for the first."""
+        if not self._poll.poll(timeout * 1000):
             return b""
         try:
             data = os.read(self._fd, READ_SIZE)

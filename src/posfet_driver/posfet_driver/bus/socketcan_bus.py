@@ -9,9 +9,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
-import select
+import os
 import socket
 import struct
 from collections.abc import Iterator
@@ -20,26 +21,21 @@ from typing import TYPE_CHECKING, Final
 import can
 from can.interfaces.socketcan import constants
 
-from posfet_core.protocol import parse_kernel_frame
+from posfet_core.protocol import SocketPort
 from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
 from posfet_driver.bus.frame import ERROR, EXTENDED, BoardFrames, Frame
 from posfet_driver.bus.message_conversion import message_of
-from posfet_model._lib.units import NANOSECONDS
 
 if TYPE_CHECKING:
     from can.interfaces.socketcan import SocketcanBus
 
-READ_LIMIT: Final = 1024
-"""Largest number of frames read at once."""
 SEND_TIMEOUT: Final = 0.1
 """Longest time that a frame waits for room in the socket [s]."""
 RECEIVE_BUFFER: Final = 4 << 20
 """Requested size of the socket's receive buffer [byte]; a frame takes nearly 1 kB of it. Without CAP_NET_ADMIN the
 kernel limits it to twice net.core.rmem_max."""
 
-_FD_SIZE: Final = 72
-"""Length of struct canfd_frame, the longest that is read [byte]."""
 _OTHER: Final = EXTENDED | ERROR
 """Kinds of frames that no board sends."""
 _EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
@@ -50,12 +46,7 @@ _INVERTED: Final = 0x2000_0000
 _STANDARD: Final = 0x7FF
 _GET_STAMP: Final = 0x8907
 """Request for the time stamp of the frame that was read last (SIOCGSTAMPNS)."""
-_TIME: Final = struct.Struct("@ll")
-"""struct timespec."""
 _SO_RCVBUFFORCE: Final = 33
-_SO_MEMINFO: Final = 55
-_MEMINFO: Final = struct.Struct("=9I")
-"""Result of SO_MEMINFO (linux/sock_diag.h); the last number counts the frames dropped for lack of room."""
 
 
 class SocketcanFrameBus:
@@ -86,20 +77,32 @@ class SocketcanFrameBus:
         self._socket: socket.socket = bus.socket
         self._board = board
         self._board_only = True
-        self.arrival_stamp = 0
-        """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
         self._waiting: list[Frame] = []
         self._dropped = 0
-        self._poll = select.poll()
-        self._poll.register(self._socket, select.POLLIN)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
         except PermissionError:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         # python-can asks for a stamp with each frame; without that request the kernel keeps the newest one.
         self._socket.setsockopt(socket.SOL_SOCKET, constants.SO_TIMESTAMPNS, 0)
-        self._newest_stamp()
+        self._start_stamps()
+        self._port = SocketPort(self._socket.fileno())
         self._receive_others()
+
+    @property
+    def arrival_stamp(self) -> int:
+        """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
+        return self._port.stamp
+
+    @property
+    def port(self) -> SocketPort:
+        """Compiled port of the bus."""
+        return self._port
+
+    @property
+    def read_by_port(self) -> bool:
+        """Whether all frames can be read from the port now: no error frame waits here, and no filter is to be set."""
+        return self._board_only and not self._waiting
 
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
@@ -120,21 +123,14 @@ class SocketcanFrameBus:
             When the network device is down or has been removed.
         """
         frames, self._waiting = self._waiting, []
-        self.arrival_stamp = 0
-        if not self._poll.poll(0 if frames else timeout * 1000):
-            return frames
-        receive = self._socket.recv
         try:
-            while len(frames) < READ_LIMIT:
-                frames.append(parse_kernel_frame(receive(_FD_SIZE, socket.MSG_DONTWAIT)))
-        except BlockingIOError:
-            pass
+            frames += self._port.read(0.0 if frames else timeout)
+        except EOFError:
+            self._raise_pending_error()
         except OSError as error:
             raise can.CanOperationError(f"cannot read: {error.strerror}", error.errno) from error
-        self.arrival_stamp = self._newest_stamp()
-        dropped = _MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[-1]
-        if dropped != self._dropped:
-            self._dropped = dropped
+        if self._port.dropped != self._dropped:
+            self._dropped = self._port.dropped
             frames.append(error_frame(CONTROLLER, OVERFLOW))
         if not self._board_only:
             self._receive_board_only(frames)
@@ -180,12 +176,16 @@ class SocketcanFrameBus:
         """Close the bus."""
         self._bus.shutdown()
 
-    def _newest_stamp(self) -> int:
-        try:
-            seconds, nanoseconds = _TIME.unpack(fcntl.ioctl(self._socket, _GET_STAMP, bytes(_TIME.size)))
-        except OSError:  # no frame was read yet
-            return 0
-        return int(seconds) * NANOSECONDS + int(nanoseconds)
+    def _start_stamps(self) -> None:
+        """Have the kernel stamp the frames; it does from the first request on."""
+        with contextlib.suppress(OSError):  # no frame was read yet
+            fcntl.ioctl(self._socket, _GET_STAMP, bytes(2 * struct.calcsize("l")))
+
+    def _raise_pending_error(self) -> None:
+        """Raise the error for which the socket has woken its reader without a frame."""
+        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code:
+            raise can.CanOperationError(f"cannot read: {os.strerror(code)}", code)
 
     def _receive_others(self) -> None:
         if self._board and self._board_only:

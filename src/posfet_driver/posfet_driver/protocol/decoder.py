@@ -12,7 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from posfet_core.protocol import COMMANDS_KEPT, Assembler, Batch, BoardDecoder, ScanStatistics, Traffic
+from posfet_core.protocol import (
+    COMMANDS_KEPT,
+    ArrivalTime,
+    Assembler,
+    Batch,
+    BoardDecoder,
+    FramePort,
+    LoopControl,
+    ScanLoop,
+    ScanStatistics,
+    Traffic,
+)
 from posfet_driver.bus.frame import Frame
 from posfet_driver.protocol.decoded import Decoded, IdentityReceived, ResponseReceived, ScanReady, StatusReceived
 from posfet_driver.protocol.messages import Identity, Response, Status, parse_message
@@ -201,10 +212,41 @@ class Decoder:
     def _decode(self, batch: Batch) -> Iterator[Decoded]:
         advance, scan, ready = self._core.advance, self.scan, self._ready
         while (found := advance(batch, scan)) is not None:
-            yield ready if found is True else self._message(found)
+            yield ready if found is True else self.message(found)
 
-    def _message(self, frame: Frame) -> Decoded:
-        """Return the message in a frame of the board, which the compiled decoder has taken already."""
+    def rest_of(self, loop: ScanLoop) -> Iterator[Decoded]:
+        """Decode what a loop has left of a batch; see `decode`.
+
+        Parameters
+        ----------
+        loop : ScanLoop
+            The loop, with the core of this decoder.
+        """
+        while (found := loop.advance()) is not None:
+            yield self._ready if found is True else self.message(found)
+
+    def make_loop(self, port: FramePort, control: LoopControl, arrival_time: ArrivalTime) -> ScanLoop:
+        """Return a loop that decodes what a port reads; the newest scan is `scan`, as for `decode`.
+
+        Parameters
+        ----------
+        port : FramePort
+            What is read.
+        control : LoopControl
+            Calls the loop back.
+        arrival_time : ArrivalTime
+            Maps the stamps of arrivals.
+        """
+        return ScanLoop(self._core, port, control, arrival_time, self.scan)
+
+    def message(self, frame: Frame) -> StatusReceived | ResponseReceived | IdentityReceived:
+        """Return the message in a frame of the board, which the compiled decoder has taken already.
+
+        Parameters
+        ----------
+        frame : Frame
+            The frame.
+        """
         identifier, kind, data = frame
         message = parse_message(identifier - self._base, kind, data)
         match message:

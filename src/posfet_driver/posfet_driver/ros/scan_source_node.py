@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 
 from posfet_driver.board.fault_monitor import FaultMonitor, changes
 from posfet_driver.board.faults import FaultKind, Health
-from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError, SourceReport
+from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError, SourceReport, StreamingSource
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.parameters import SCAN_SOURCE_NODE
 from posfet_driver.ros.conversions import RawMessage, report_diagnostics
@@ -91,6 +91,9 @@ class ScanSourceNode(SupervisedLifecycleNode):
         """Clock of the source."""
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while inactive."""
+        self.stream: Callable[[StreamingSource, float], Scan | None] | None = None
+        """Has scans of the source, up to a time-out [s], processed without Python, and returns one that was not; in
+        place of `deliver`, from a source that can do it and while nobody subscribes to `raw`. Set it while inactive."""
         try:
             self.parameters = declare(self, parameters)
             self.sensor = declared_sensor(self.parameters)
@@ -188,6 +191,7 @@ class ScanSourceNode(SupervisedLifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Discard scans."""
         self._active = False
+        self._wake()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -209,6 +213,7 @@ class ScanSourceNode(SupervisedLifecycleNode):
     def _end(self) -> None:
         self._active = False
         self._stop.set()
+        self._wake()
         self._report_timer.cancel()
         if self._thread:
             self._thread.join()
@@ -229,13 +234,21 @@ class ScanSourceNode(SupervisedLifecycleNode):
 
     def _read(self, source: ScanSource) -> None:
         """Read the source and deliver its scans."""
-        read = source.read
+        streaming = source if isinstance(source, StreamingSource) else None
         while not self.reading_wanted(time.monotonic_ns()) and not self._stop.wait(SUBSCRIBER_CHECK_PERIOD):
             pass
         while not self._stop.is_set():
-            scan = read(READ_TIMEOUT)
+            if self.stream and streaming and self._active and not self._raw_listeners.any(time.monotonic_ns()):
+                scan = self.stream(streaming, READ_TIMEOUT)
+            else:
+                scan = source.read(READ_TIMEOUT)
             if scan is not None and self._active:
                 self.deliver(scan, time.monotonic_ns())
+
+    def _wake(self) -> None:
+        """Have no more scans processed without Python before the data thread looks whether they are wanted."""
+        if isinstance(self.source, StreamingSource):
+            self.source.wake()
 
     def _restarted(self, cause: str, error: Exception | str) -> bool:
         """Reopen the source after an internal error; return whether it works again, else set `failure`."""

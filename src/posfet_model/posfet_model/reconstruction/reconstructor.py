@@ -325,6 +325,28 @@ class Reconstructor:
             self._hum.forget()
         self._estimator.start(charge)
 
+    def make_sink(self, writer: ContactsWriter, mutex: scan_path.Mutex) -> scan_path.ContactsSink:
+        """Return what takes scans without Python in place of `process`; what it has done is shown after `refresh`.
+
+        Parameters
+        ----------
+        writer : ContactsWriter
+            Serialises the contacts that are published.
+        mutex : Mutex
+            Held while a scan is processed.
+        """
+        return scan_path.ContactsSink(self._path, writer, mutex, BLOCK)
+
+    def refresh(self) -> Reconstruction:
+        """Return the result of the last scan, also of one that a sink has taken; overwritten by the next scan."""
+        result = self._result
+        result.accepted, result.unusable, result.valid, reasons, result.saturated, result.stamp, result.sequence = (
+            self._path.result
+        )
+        result.reasons = _REASONS[reasons]
+        result.forget()
+        return result
+
     def run_maintenance(self) -> None:
         """Run the block maintenance now, after the results of a scan were published, instead of in the next `process`.
 
@@ -379,7 +401,7 @@ class Reconstructor:
             Correction of each force, or why it was refused.
         """
         self.run_maintenance()
-        result = self._result
+        result = self.refresh()
         if force and self.counts.accepted:
             return self._tare(forced=True)
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
@@ -503,6 +525,7 @@ class Reconstructor:
 
     def _close_block(self) -> None:
         """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
+        self.refresh()
         estimator, faults = self._estimator, self._faults
         near = self._finder.dilated(self._finder.touched, self._contact_margin)
         variance = estimator.variance(self._variance)

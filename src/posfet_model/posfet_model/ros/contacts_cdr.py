@@ -27,8 +27,9 @@ class ContactsBytes:
     """Serialises the contacts of one array, with one buffer for all messages."""
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
-        self._writer = ContactsWriter(sensor, frame_id)
+        self.writer: Final = ContactsWriter(sensor, frame_id)
+        """Writes the messages."""
 
     def fill(self, result: Reconstruction) -> bytes:
         """Return the serialised message for the contacts of a scan."""
-        return result.serialise(self._writer)
+        return result.serialise(self.writer)

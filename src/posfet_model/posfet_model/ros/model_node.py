@@ -9,9 +9,8 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import replace
 from typing import Any
 
@@ -22,9 +21,11 @@ from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.parameters import MODEL_NODE, default_frame
+from posfet_model.reconstruction.contacts_sink import Mutex
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.ros.conversions import ScanReader
+from posfet_model.ros.direct_contacts import DirectContacts, StreamingSource
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
 from posfet_model.ros.model_diagnostics import ModelDiagnostics
 from posfet_model.ros.model_outputs import ModelOutputs
@@ -67,7 +68,7 @@ class ModelNode(SupervisedLifecycleNode):
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("model_node", **node_arguments)
-        self._lock = threading.Lock()
+        self._lock = Mutex()
         self._reconstructor: Reconstructor | None = None
         try:
             self.parameters = declare(self, MODEL_NODE, self._prepare)
@@ -84,6 +85,7 @@ class ModelNode(SupervisedLifecycleNode):
         given = self.parameters
         qos = output_qos(given["reliability"], OUTPUT_DEPTH)
         self._outputs = ModelOutputs(self, given["contacts_as_bytes"], given["simulated"], qos, given["display_rate"])
+        self._direct = DirectContacts(self._outputs, self._lock)
         self._mount: Any = None
         self._raw: Any = None
         self._settings = ReconstructionSettings()
@@ -131,6 +133,7 @@ class ModelNode(SupervisedLifecycleNode):
     def _pause(self) -> None:
         with self._lock:  # a scan that is being processed is the last one
             self._active = False
+            self._direct.close()
         if self._raw is not None:
             self.destroy_subscription(self._raw)
             self._raw = None
@@ -147,6 +150,7 @@ class ModelNode(SupervisedLifecycleNode):
         reconstructor = Reconstructor(self.sensor, calibration, self._settings)
         with self._lock:
             self._reconstructor, self._result = reconstructor, None
+            self._direct.close()
             self._diagnostics.forget()
         return reconstructor
 
@@ -185,6 +189,7 @@ class ModelNode(SupervisedLifecycleNode):
         self._mount = broadcast_mount(self, frame_id, self.parameters)
 
     def _describe(self, frame_id: str) -> None:
+        self._direct.close()
         self._outputs.describe(replace(self.sensor, contact=self._settings.contact or self.sensor.contact), frame_id)
 
     def process(self, scan: Scan) -> None:
@@ -216,12 +221,54 @@ class ModelNode(SupervisedLifecycleNode):
                 time.sleep(READER_GRACE_PERIOD)
                 reconstructor.run_maintenance()
 
+    def stream(self, source: StreamingSource, timeout: float) -> Scan | None:
+        """Have the scans of a source processed without Python while nothing but their contacts is wanted.
+
+        Parameters
+        ----------
+        source : StreamingSource
+            The source; its thread calls this.
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        Scan or None
+            A scan that was not processed: for `process`.
+        """
+        with self._lock:
+            reconstructor = self._reconstructor
+            subscribed = self._outputs.subscribed(time.monotonic_ns())
+            direct = (
+                self._active
+                and reconstructor is not None
+                and self._result is not None
+                and self._outputs.contacts_alone(subscribed)
+                and self._direct.open(reconstructor, bool(subscribed))
+            )
+        if not direct:
+            return source.read(timeout)
+        scan = self._direct.stream(source, timeout)
+        with self._lock:
+            self._complete(reconstructor, subscribed)
+        return scan
+
+    def _complete(self, reconstructor: Reconstructor | None, subscribed: Set[Any]) -> None:
+        """Do after scans were processed without Python what needs it."""
+        if reconstructor is None or reconstructor is not self._reconstructor or not self._active:
+            return
+        if self._direct.take_failure():
+            self._outputs.publish(reconstructor, reconstructor.refresh(), subscribed)
+        if reconstructor.maintenance_due:
+            time.sleep(READER_GRACE_PERIOD)
+            reconstructor.run_maintenance()
+
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
         with self._lock:
             if self._result is None or self._reconstructor is None:
                 return None
-            return snapshot(self._reconstructor, self._result, self.sensor.layout)
+            return snapshot(self._reconstructor, self._reconstructor.refresh(), self.sensor.layout)
 
     def _receive(self, message: TactileRaw) -> None:
         if self._queue.too_late():
@@ -242,7 +289,7 @@ class ModelNode(SupervisedLifecycleNode):
         """Return whether scans are processed, and the state of the reconstructor; None without one."""
         with self._lock:
             model = self._reconstructor
-            return self._active, ModelReport(model, self._result) if model else None
+            return self._active, ModelReport(model, model.refresh() if self._result else None) if model else None
 
 
 def make_node() -> ModelNode:

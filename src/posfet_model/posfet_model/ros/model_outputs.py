@@ -20,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
+from posfet_model.reconstruction.contacts_writer import ContactsWriter
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
@@ -63,7 +64,8 @@ class ModelOutputs:
         self.display = DisplayScans(display_rate)
         """Scans of the topics that are for display only."""
         self._as_bytes, self._simulated = as_bytes, simulated
-        self._contacts = node.create_publisher(TactileContacts, "contacts", qos)
+        self.contacts: Publisher = node.create_publisher(TactileContacts, "contacts", qos)
+        """Publisher of the contacts of each scan."""
         self._markers = node.create_publisher(MarkerArray, "markers", qos)
         self._view_contacts = node.create_publisher(TactileContacts, "view/contacts", qos)
         self._view_image = node.create_publisher(TactileImage, "view/image", qos)
@@ -78,9 +80,9 @@ class ModelOutputs:
         self._wrench_estimate = node.create_publisher(TactileWrench, "wrench_estimate", qos)
         self._vibration = node.create_publisher(TactileVibration, "vibration", qos)
         self._subscriptions = SubscriptionCache(
-            self._contacts, self._vibration, self._wrench_estimate, *self._displayed, *self._map_publishers
+            self.contacts, self._vibration, self._wrench_estimate, *self._displayed, *self._map_publishers
         )
-        self._only_contacts = {self._contacts}
+        self._only_contacts = {self.contacts}
         transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._info = node.create_publisher(TactileInfo, "info", transient_local)
 
@@ -99,7 +101,7 @@ class ModelOutputs:
         self._contacts_message: ContactsMessage | ContactsBytes = writer
         if isinstance(writer, ContactsBytes):
             # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
-            for publisher in (self._contacts, self._view_contacts):
+            for publisher in (self.contacts, self._view_contacts):
                 publisher.publish = publisher.handle.publish_raw
         self._image_message = ImageMessage(layout, frame_id)
         fills: tuple[Callable[[Reconstruction, ForceImage], Any], ...] = (
@@ -113,6 +115,16 @@ class ModelOutputs:
         self._wrench_estimate_message = WrenchEstimateMessage(layout, frame_id)
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))
+
+    @property
+    def contacts_writer(self) -> ContactsWriter | None:
+        """What serialises the contacts; None where the middleware does it, and before `describe`."""
+        message = self._contacts_message if self.frame_id else None
+        return message.writer if isinstance(message, ContactsBytes) else None
+
+    def contacts_alone(self, subscribed: Set[Any]) -> bool:
+        """Return whether no other topic than `contacts` is among the publishers with subscribers."""
+        return subscribed <= self._only_contacts
 
     def subscribed(self, now: int) -> Set[Any]:
         """Return the publishers with subscribers; `now` is a monotonic time [ns]."""
@@ -134,8 +146,8 @@ class ModelOutputs:
         subscribed : set
             Publishers with subscribers.
         """
-        if self._contacts in subscribed:
-            self._contacts.publish(self._contacts_message.fill(result))
+        if self.contacts in subscribed:
+            self.contacts.publish(self._contacts_message.fill(result))
         if subscribed == self._only_contacts:
             return
         maps = [entry for entry in self._maps if entry[0] in subscribed]

@@ -27,7 +27,7 @@ class SubscriptionCache:
     """Knows which publishers have subscribers.
 
     Each count is refreshed ten times a second, one publisher at a time, so that no scan waits for all of them; after a
-    pause all are refreshed at once.
+    pause those that are due are refreshed at once.
 
     Parameters
     ----------
@@ -45,7 +45,8 @@ class SubscriptionCache:
     def subscribed(self, now: int) -> Set[Publisher]:
         """Return the publishers that had subscribers at their last refresh; `now` is a monotonic time [ns]."""
         if now >= self._next_refresh:
-            for _ in range(len(self._publishers) if now >= self._next_refresh + MAX_AGE else 1):
+            due = 1 + (now - self._next_refresh) // self._period
+            for _ in range(min(due, len(self._publishers))):
                 self._refresh_next()
             self._next_refresh = now + self._period
         return self._subscribed

@@ -59,6 +59,9 @@ public:
   template <typename Take>
   void split(const std::uint8_t* bytes, std::size_t size, Take&& take);
 
+  /// Count a line that is no frame, or note what it says.
+  void count(const Line& line);
+
   /// Call `take(const Frame&)` for the frame of each line that the bytes complete; count other lines.
   template <typename Take>
   void read(const std::uint8_t* bytes, std::size_t size, Take&& take) {
@@ -81,9 +84,6 @@ public:
   std::optional<unsigned> flags;
 
 private:
-  /// Count a line that is no frame, or note what it says.
-  void count(const Line& line);
-
   /// Append bytes to the unfinished line, of which no more is kept than shows that it is too long.
   void append(const std::uint8_t* bytes, std::size_t size);
 
