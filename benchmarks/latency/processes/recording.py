@@ -28,6 +28,11 @@ class TimeLog:
         self._times.append(time.monotonic_ns())
         self._sequences.append(sequence)
 
+    def extend(self, sequences: np.ndarray, times: np.ndarray) -> None:
+        """Add scans that were recorded elsewhere, with their monotonic times [ns]."""
+        self._sequences.extend(sequences.tolist())
+        self._times.extend(times.tolist())
+
     def write(self, path: Path) -> None:
         """Write sequences and times [ns], shape [2, n]."""
         np.save(path, np.array([self._sequences, self._times], np.int64))
