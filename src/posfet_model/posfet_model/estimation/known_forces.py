@@ -55,9 +55,9 @@ RELEASED_BLOCKS: Final = 3
 RELEASED_SHARE: Final = 0.3
 """A released contact has less than this share of its recent peak left [1]."""
 
-RELEASED_DEVIATIONS: Final = 2.33
+RELEASED_DEVIATIONS: Final = 3.09
 """Deviations by which the squares of a released contact's forces may exceed their mean [1]: zero forces do so once in a
-hundred times."""
+thousand times. Each time a contact stays that nothing touches."""
 
 RESIDUAL_MOTION: Final = 0.01
 """Share of its recent peak by which a released contact may still move [1]: the film creeps back."""
