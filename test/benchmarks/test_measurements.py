@@ -27,11 +27,15 @@ from benchmarks import __main__ as command
 from benchmarks import report
 from benchmarks.latency import end_to_end, fresh_clone, startup, sustained_rate
 from benchmarks.latency.processes import compiled_echo, echo
+from benchmarks.latency.processes.board import StampingAdapter
 from benchmarks.latency.rig import Measurement, Setup
 from benchmarks.outcome import Outcome, Table
 from benchmarks.simulation import board, recording_speed
 from benchmarks.targets import TARGETS
 from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.fake_board import FakeBoard
 
 READY = {"composed": 60.0, "echo": 40.0, "compiled echo": 20.0}
 """Times that the measurements of the tests have [us], by the processes."""
@@ -259,3 +263,15 @@ def test_results_carry_every_value_that_is_compared_between_machines(
     assert latest == {"commit": "abc", **dict.fromkeys(names, 1.5)}
     text = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
     assert all(f"| {name} |" in text for name in names)
+
+
+def test_the_adapter_that_stamps_scans_changes_nothing_of_the_one_that_it_extends(tmp_path: Path) -> None:
+    """An attribute of the same name ended every measurement of the latency."""
+    sensor = load_sensor()
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+    plain = vars(EmulatedAdapter(str(tmp_path / "plain"), firmware))
+    stamping = vars(StampingAdapter(str(tmp_path / "stamping"), firmware))
+    assert {name: type(value) for name, value in stamping.items() if name in plain} == {
+        name: type(value) for name, value in plain.items()
+    }
+    assert stamping.keys() - plain.keys() == {"times", "_unstamped"}

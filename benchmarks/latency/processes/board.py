@@ -60,13 +60,13 @@ class StampingAdapter(EmulatedAdapter):
     def __init__(self, link: str, firmware: BoardFirmware) -> None:
         super().__init__(link, firmware)
         self.times = TimeLog()
-        self._written: list[int] = []
-        firmware.on_scan = lambda scan: self._written.append(scan.sequence)
+        self._unstamped: list[int] = []
+        firmware.on_scan = lambda scan: self._unstamped.append(scan.sequence)
 
     def _flush(self, master: int) -> None:
-        for sequence in self._written:
+        for sequence in self._unstamped:
             self.times.add(sequence)
-        self._written.clear()
+        self._unstamped.clear()
         super()._flush(master)
 
 
