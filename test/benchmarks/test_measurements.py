@@ -13,29 +13,37 @@ import ctypes
 import json
 import os
 import subprocess
+from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import can
 import numpy as np
 import pytest
+from cantools.database import load_file
 
 pytest.importorskip("rich", reason="the tables of the benchmarks need rich")
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
+from rclpy.clock import Clock
+
 from benchmarks import __main__ as command
 from benchmarks import report
 from benchmarks.latency import end_to_end, fresh_clone, startup, sustained_rate
+from benchmarks.latency.baseline_stack.driver_node import BaselineDriver
 from benchmarks.latency.processes import compiled_echo, echo
 from benchmarks.latency.processes.board import StampingAdapter
 from benchmarks.latency.rig import Measurement, Setup
 from benchmarks.outcome import Outcome, Table
 from benchmarks.simulation import board, recording_speed
 from benchmarks.targets import TARGETS
+from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
-from support.fake_board import FakeBoard
+from support.fake_board import FakeBoard, make_scan, with_fd
 
 READY = {"composed": 60.0, "echo": 40.0, "compiled echo": 20.0}
 """Times that the measurements of the tests have [us], by the processes."""
@@ -275,3 +283,19 @@ def test_the_adapter_that_stamps_scans_changes_nothing_of_the_one_that_it_extend
         name: type(value) for name, value in plain.items()
     }
     assert stamping.keys() - plain.keys() == {"times", "_unstamped"}
+
+
+def test_the_baseline_implementation_publishes_what_a_frame_of_the_board_states() -> None:
+    sensor = with_fd(load_sensor(), True)
+    scan = make_scan(sensor, 77)
+    ((identifier, _, data),) = make_codec(sensor).encode(scan, sensor.can.base_id)
+    published: list[Any] = []
+    node = SimpleNamespace(
+        block=load_file(str(files("posfet_driver") / "protocol" / "posfet.dbc")).get_message_by_name("ScanBlockFd"),
+        sensor=sensor,
+        get_clock=Clock,
+        raw=SimpleNamespace(publish=published.append),
+    )
+    BaselineDriver.on_message(node, can.Message(arbitration_id=identifier, data=data, is_fd=True))  # type: ignore[arg-type]
+    (raw,) = published
+    assert (raw.sequence, raw.device_time, list(raw.counts)) == (77, scan.device_time, scan.counts.tolist())

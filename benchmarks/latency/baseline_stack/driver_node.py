@@ -54,7 +54,7 @@ class BaselineDriver(Node):
         raw.header.stamp = self.get_clock().now().to_msg()
         raw.layout_id = self.sensor.layout.id
         raw.rows, raw.cols = self.sensor.layout.rows, self.sensor.layout.cols
-        raw.sequence = signals["ScanCounter"]
+        raw.sequence = signals["Sequence"]
         raw.device_time = signals["DeviceTime"]
         raw.counts = [signals[f"Count{index}"] for index in range(self.sensor.layout.taxels)]
         self.raw.publish(raw)
