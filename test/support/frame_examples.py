@@ -5,13 +5,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""One frame of every kind that a bus can carry."""
+"""One frame of every kind that a bus can carry, and the bytes of frames."""
 
 from __future__ import annotations
 
+import random
 import struct
+from collections.abc import Iterable
 
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+from posfet_driver.bus.slcan_codec import encode_line
 
 FRAMES: list[Frame] = [
     (0x123, CLASSIC, b"\x01\x02"),
@@ -24,6 +27,31 @@ FRAMES: list[Frame] = [
     (0x1ABC_DEF0, FD | EXTENDED, bytes(12)),
     (0x1ABC_DEF0, FD | RATE_SWITCH | EXTENDED, bytes(64)),
 ]
+
+JUNK = (b"z\r", b"\r", b"\a", b"F04\r", b"t1", b"t100G\r", b"t1008" + b"0" * 200 + b"\r", b"r1000\r")
+"""Lines of an slcan adapter that are no frames."""
+
+
+class LineStream:
+    """The bytes of a slcan adapter, in any pieces, with lines that are no frames."""
+
+    def __init__(self, noise: random.Random) -> None:
+        self._noise = noise
+        self._rest = b""
+
+    def piece(self, frames: Iterable[Frame]) -> bytes:
+        """Return what is read after some frames: it may end before the last ones, which the next piece begins with."""
+        noise, stream = self._noise, bytearray(self._rest)
+        for frame in frames:
+            try:
+                stream += encode_line(frame)
+            except ValueError:  # slcan cannot carry it
+                stream += b"x\r"
+            if noise.random() < 0.01:
+                stream += noise.choice(JUNK)
+        cut = len(stream) - (noise.randrange(min(len(stream), 200) + 1) if noise.random() < 0.2 else 0)
+        data, self._rest = bytes(stream[:cut]), bytes(stream[cut:])
+        return data
 
 
 def to_kernel(frame: Frame) -> bytes:

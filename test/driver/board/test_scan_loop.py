@@ -25,14 +25,12 @@ import pytest
 
 from posfet_core.protocol import ArrivalTime, FramePort, LinePort, LineReader, LoopControl, LoopEnd, SocketPort
 from posfet_driver.bus.frame import ERROR, Frame
-from posfet_driver.bus.slcan_codec import encode_line
 from posfet_model.sensor.description import Sensor
 from reference.protocol import kernel_frames, slcan_lines
 from support.decoder_pair import SENSOR, WALL, Pair, fields, run, seen
-from support.frame_examples import to_kernel
+from support.frame_examples import LineStream, to_kernel
 from support.python_sink import LAST, REFUSED, TAKEN, CScan, PythonSink
 
-JUNK = (b"z\r", b"\r", b"\a", b"F04\r", b"t1", b"t100G\r", b"t1008" + b"0" * 200 + b"\r", b"r1000\r")
 PATIENCE = 120.0
 """After this time [s] a test has failed."""
 LONGEST = 4000
@@ -130,19 +128,10 @@ class Lines(LoopPair):
         os.set_blocking(self.slave, False)
         self.readers = LineReader(), slcan_lines.LineReader()
         self.port = LinePort(self.slave, self.readers[0])
-        self.rest = b""
+        self.stream = LineStream(self.noise)
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        noise, stream = self.noise, bytearray(self.rest)
-        for frame in frames:
-            try:
-                stream += encode_line(frame)
-            except ValueError:  # slcan cannot carry it
-                stream += b"x\r"
-            if noise.random() < 0.01:
-                stream += noise.choice(JUNK)
-        cut = len(stream) - (noise.randrange(min(len(stream), 200) + 1) if noise.random() < 0.2 else 0)
-        data, self.rest = bytes(stream[:cut]), bytes(stream[cut:])
+        data = self.stream.piece(frames)
         assert len(data) < LONGEST
         os.write(self.master, data)
         wait_for(lambda: struct.unpack("i", fcntl.ioctl(self.slave, termios.FIONREAD, bytes(4))) == (len(data),))

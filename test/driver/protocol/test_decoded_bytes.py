@@ -25,12 +25,10 @@ from posfet_driver.protocol.messages import STATUS_OFFSET, Status
 from posfet_model.sensor.description import Sensor
 from reference.protocol import kernel_frames, slcan_lines
 from support.decoder_pair import BASE, SENSOR, WALL, Pair, run, seen
-from support.frame_examples import to_kernel
+from support.frame_examples import LineStream, to_kernel
 
 if TYPE_CHECKING:
     from posfet_core.protocol import Found
-
-JUNK = (b"z\r", b"\r", b"\a", b"F04\r", b"t1", b"t100G\r", b"t1008" + b"0" * 200 + b"\r", b"r1000\r")
 
 
 class BytePair(Pair):
@@ -73,19 +71,10 @@ class Lines(BytePair):
     def __init__(self, sensor: Sensor) -> None:
         super().__init__(sensor)
         self.readers = LineReader(), slcan_lines.LineReader()
-        self.rest = b""
+        self.stream = LineStream(self.noise)
 
     def found(self, frames: list[Frame], arrival: int, wall_offset: int) -> tuple[list[Found], list[Frame]]:
-        noise, stream = self.noise, bytearray(self.rest)
-        for frame in frames:
-            try:
-                stream += encode_line(frame)
-            except ValueError:  # slcan cannot carry it
-                stream += b"x\r"
-            if noise.random() < 0.01:
-                stream += noise.choice(JUNK)
-        cut = len(stream) - (noise.randrange(min(len(stream), 200) + 1) if noise.random() < 0.2 else 0)
-        data, self.rest = bytes(stream[:cut]), bytes(stream[cut:])
+        data = self.stream.piece(frames)
         ours, theirs = self.readers
         found = self.core.decode_lines(ours, data, arrival, wall_offset)
         read = theirs.frames(data)
