@@ -71,16 +71,15 @@ def compiled() -> list[Extension]:
     return [
         Extension(
             f"posfet_core.{name}",
-            sources=sorted(str(path) for path in folder.glob("*.cpp")),
+            sources=sorted(str(path) for folder in folders for path in folder.glob("*.cpp")),
             depends=headers(),
             include_dirs=[str(CORE / "include"), *found],
             extra_compile_args=["-std=c++17", "-O2", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
             language="c++",
         )
-        for name, folder in (
-            ("scan_path", CORE / "src"),
-            ("protocol", CORE / "src" / "protocol"),
-            ("estimation", CORE / "src" / "estimation"),
+        for name, folders in (
+            ("scan_path", (CORE / "src", CORE / "src" / "estimation")),
+            ("protocol", (CORE / "src" / "protocol",)),
         )
     ]
 

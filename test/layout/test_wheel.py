@@ -41,7 +41,7 @@ ROS = {
     *("ament_index_python", "launch_ros"),
 }
 OWN = {"posfet", "posfet_core", "posfet_driver", "posfet_model", "posfet_sim"}
-MODULES = ("scan_path", "protocol", "estimation")
+MODULES = ("scan_path", "protocol")
 """Compiled modules of posfet_core."""
 SUFFIX = sysconfig.get_config_var("EXT_SUFFIX")
 GUARDED = LEFT_OUT | {"posfet.middleware_check"}
@@ -158,7 +158,7 @@ def test_the_source_distribution_compiles(distribution: Path, tmp_path: Path) ->
     shutil.copytree(distribution, project, ignore=shutil.ignore_patterns("build"))
     with zipfile.ZipFile(built("wheel", project, tmp_path)) as archive:
         archive.extractall(tmp_path / "wheel")
-    program = "import posfet_core.scan_path, posfet_core.protocol, posfet_core.estimation as last; print(last.__file__)"
+    program = "import posfet_core.scan_path, posfet_core.protocol as last; print(last.__file__)"
     done = subprocess.run(
         [sys.executable, "-c", program],
         env={**os.environ, "PYTHONPATH": str(tmp_path / "wheel")},

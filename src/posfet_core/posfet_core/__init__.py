@@ -5,8 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""What is computed for every scan, and the filter of the force errors at the end of each block, in C++.
+"""What is computed for every scan, and at the end of each block, in C++.
 
-`protocol` goes from the bytes of a bus to scans, `scan_path` from scans to contacts, `estimation` has the filter;
-`contact` has the types of the path's results.
+`protocol` goes from the bytes of a bus to scans, `scan_path` from scans to contacts; `contact` has the types of the path's results.
 """

@@ -18,6 +18,9 @@ void bind_scan_parts(const pybind11::module_& module);
 /// The whole path, and the serialised message.
 void bind_scan_path(const pybind11::module_& module);
 
+/// Belief and filter of the force errors, at the end of every block.
+void bind_estimation(const pybind11::module_& module);
+
 /// What takes scans without Python, and the mutex that it shares with Python.
 void bind_sink(const pybind11::module_& module);
 

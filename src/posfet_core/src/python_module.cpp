@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// The Python module posfet_core.scan_path: what is computed for every scan.
+/// The Python module posfet_core.scan_path: what is computed for every scan and at the end of every block.
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -262,12 +262,13 @@ void bind_neighbours(const py::module_& module) {
 }  // namespace posfet
 
 PYBIND11_MODULE(scan_path, module) {
-  module.doc() = "What is computed for every scan, compiled.";
+  module.doc() = "What is computed for every scan and at the end of every block, compiled.";
   posfet::bind_detection(module);
   posfet::bind_tracking(module);
   posfet::bind_slip(module);
   posfet::bind_neighbours(module);
   posfet::bind_scan_parts(module);
+  posfet::bind_estimation(module);
   posfet::bind_scan_path(module);
   posfet::bind_sink(module);
   module.attr("INTERPOLATION_UNCERTAINTY") = posfet::kInterpolationUncertainty;

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from posfet_core import estimation
+from posfet_core import scan_path
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.estimation.force_error_filter import OWN, start_belief
 from reference import force_error_filter as plain
@@ -48,7 +48,7 @@ class Both:
         ]
         small = random.random(taxels) < 0.5  # of the others the small force is known exactly
         parts[3][small, 2] = parts[4][small, 2] = parts[4][small, :, 2] = 0.0
-        self.compiled = estimation.ForceErrorFilter(estimation.Belief(*parts))
+        self.compiled = scan_path.ForceErrorFilter(scan_path.Belief(*parts))
         self.plain = plain.ForceErrorFilter(plain.Belief(*(each.copy() for each in parts)))
 
     def step(self, kind: str) -> None:
@@ -151,9 +151,9 @@ def test_arrays_of_any_size_have_the_same_belief(taxels: int) -> None:
 
 def test_the_states_of_the_temperatures_are_those_of_the_estimator() -> None:
     thermal = (Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE)
-    assert thermal == estimation.THERMAL_STATES
+    assert thermal == scan_path.THERMAL_STATES
     assert OWN == plain.OWN
-    assert estimation.NEGLIGIBLE == plain.NEGLIGIBLE
+    assert scan_path.NEGLIGIBLE_CORRELATION == plain.NEGLIGIBLE
 
 
 def test_a_copy_and_what_was_read_before_stay_as_they_are() -> None:
@@ -188,7 +188,7 @@ def test_arrays_of_another_shape_are_refused() -> None:
     with pytest.raises(ValueError, match=r"matrix must have the shape \[3, 3\]"):
         compiled.predict(np.ones(3), np.eye(4), np.eye(3), values, rows, np.zeros((4, OWN, OWN)))
     with pytest.raises(ValueError, match=r"slope must have the shape \[4, 4, 3\]"):
-        estimation.Belief(np.ones(3), np.eye(3), np.ones((4, OWN)), rows, np.zeros((4, OWN, OWN)))
+        scan_path.Belief(np.ones(3), np.eye(3), np.ones((4, OWN)), rows, np.zeros((4, OWN, OWN)))
     with pytest.raises(ValueError, match="no states for the temperatures"):
         compiled.measure_temperature(0.0, 1.0)
     with pytest.raises(IndexError, match="state must be one of a taxel"):
@@ -199,6 +199,6 @@ def test_a_covariance_that_is_not_positive_is_refused() -> None:
     priors = ErrorPriors()
     covariance = priors.covariance()
     covariance[0, 1] = covariance[1, 0] = 1.0  # beyond a correlation of 1
-    compiled = estimation.ForceErrorFilter(start_belief(2, priors.mean(), covariance))
+    compiled = scan_path.ForceErrorFilter(start_belief(2, priors.mean(), covariance))
     with pytest.raises(ValueError, match="a covariance must be positive"):
         compiled.covariance_root(np.zeros((2, COUNT)))

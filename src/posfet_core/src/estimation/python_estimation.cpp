@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// The Python module posfet_core.estimation: what is computed at the end of every block.
+/// Part of the Python module posfet_core.scan_path: what is computed at the end of every block.
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -15,6 +15,7 @@
 #include <string>
 
 #include "../python_arrays.hpp"
+#include "../python_bindings.hpp"
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
@@ -135,8 +136,8 @@ void bind_belief(const py::module_& module) {
             }
           },
           py::arg("where"), py::arg("state"), "Make one state of the taxels exactly known.");
-  module.attr("OWN") = kOwnStates;
-  module.attr("NEGLIGIBLE") = kNegligibleCorrelation;
+  module.attr("OWN_STATES") = kOwnStates;
+  module.attr("NEGLIGIBLE_CORRELATION") = kNegligibleCorrelation;
   module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale);
 }
 
@@ -279,10 +280,9 @@ void bind_filter(const py::module_& module) {
 
 }  // namespace
 
-}  // namespace posfet
-
-PYBIND11_MODULE(estimation, module) {
-  module.doc() = "Kalman filter of the force errors, at the end of every block.";
-  posfet::bind_belief(module);
-  posfet::bind_filter(module);
+void bind_estimation(const py::module_& module) {
+  bind_belief(module);
+  bind_filter(module);
 }
+
+}  // namespace posfet

@@ -23,18 +23,18 @@ from typing import Final
 
 import numpy as np
 
-from posfet_core import estimation
+from posfet_core import scan_path
 from posfet_model._lib.types import Array
 
-OWN: Final = estimation.OWN
+OWN: Final = scan_path.OWN_STATES
 """Number of states of each taxel."""
 
-NEGLIGIBLE: Final = estimation.NEGLIGIBLE
+NEGLIGIBLE: Final = scan_path.NEGLIGIBLE_CORRELATION
 """Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
 
-Belief = estimation.Belief
+Belief = scan_path.Belief
 
-ForceErrorFilter = estimation.ForceErrorFilter
+ForceErrorFilter = scan_path.ForceErrorFilter
 
 
 def start_belief(taxels: int, shared: Array, covariance: Array) -> Belief:
