@@ -7,5 +7,6 @@
 
 """What is computed for every scan, and at the end of each block, in C++.
 
-`protocol` goes from the bytes of a bus to scans, `scan_path` from scans to contacts; `contact` has the types of the path's results.
+`protocol` goes from the bytes of a bus to scans, `scan_path` from scans to contacts; `contact` has the types of the
+path's results.
 """
