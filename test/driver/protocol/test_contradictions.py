@@ -508,3 +508,37 @@ def test_a_jump_of_the_clock_is_bounded_though_only_an_identity_states_the_perio
     bounds = [scan.bound for scan in heard.scans if scan.sequence > 1700 and not math.isnan(scan.bound)]
     assert len(bounds) > 200
     assert max(bounds) < 8.0
+
+
+@BOTH
+@pytest.mark.parametrize("first", [401, 402, 403])
+def test_a_clock_that_runs_again_is_bounded_though_only_an_identity_states_the_period(fd: bool, first: int) -> None:
+    """It has stood still; counted on by the period stated, the time was that of the future. Frames come by fours."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(201))
+    identity = Identity(Identification(SENSOR.layout.id, PROTOCOL_VERSION, fd, 1), 0, LONGEST_PERIOD)
+    heard.receive(200.5, [(BASE + IDENTITY_OFFSET, CLASSIC, identity.pack())])
+    for last in range(204, 2000, 4):
+        ticks = range(last - 3, last + 1)
+        heard.batch(last, [Tick(tick, tick, stated=200 if tick < first else None) for tick in ticks])
+    assert heard.scans[-1].sequence >= 1980
+    assert not heard.unbounded
+    bounds = [scan.bound for scan in heard.scans if scan.sequence > 1700]
+    assert len(bounds) > 200
+    assert max(bounds) < 8.0
+
+
+@pytest.mark.parametrize("gap", [0, 8, 40])
+def test_what_a_host_missed_that_stood_still_is_lost_though_only_an_identity_states_the_period(gap: int) -> None:
+    """The kernel has kept the oldest scans: they seem to be as new as the false period makes them."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(100))
+    identity = Identity(Identification(SENSOR.layout.id, PROTOCOL_VERSION, False, 1), 0, 20_000)
+    heard.receive(99.5, [(BASE + IDENTITY_OFFSET, CLASSIC, identity.pack())])
+    kept = [*range(100, 120), *range(120 + gap, 340)]
+    heard.batch(3000, [Tick(sequence, sequence) for sequence in kept])
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(3000, 3200))
+    assert heard.scans[-1].sequence >= 3180
+    assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
+    assert heard.accounted >= 3180
+    assert not heard.unbounded

@@ -111,7 +111,12 @@ class ClockSync:
         For a window after `interrupt` without the `lead`: the first frame may just have been delayed.
         """
         settled = self._doubted or self.last - self._interrupted >= WINDOW
-        return self.drift + (self.lead if settled else 0.0) + max(self.offset - self._lowest, 0.0)
+        return self.drift + (self.lead if settled else 0.0) + self.excess
+
+    @property
+    def excess(self) -> float:  # numpydoc ignore=RT01
+        """Time by which the offset may be too high, as device times may be ahead of the clock [ns]."""
+        return max(self.offset - self._lowest, 0.0)
 
     def error(self, late: float, early: float, delay: float) -> float:
         """Return the largest error of a stamp by the newest frame [ns].

@@ -85,15 +85,15 @@ class DeviceClock:
         """Return how far a reading is ahead of the newest one, modulo the range of readings [us]; 0 if unknown."""
         return (reading - self._reading) % self._modulus if self._known else 0
 
-    def age(self, arrival: int) -> float:
-        """Return the time since the newest scan was acquired [us]; NaN before the first.
+    def greatest_age(self, arrival: int) -> float:
+        """Return the greatest time since the newest scan was acquired [us]; NaN before the first.
 
         Parameters
         ----------
         arrival : int
             Present monotonic time [ns].
         """
-        return self._sync.delay(self.time, arrival) / 1000
+        return (self._sync.delay(self.time, arrival) + self._sync.excess) / 1000
 
     def elapsed(self, reading: int, expected: float) -> int:
         """Return the time since the newest reading [us].
@@ -142,7 +142,7 @@ class DeviceClock:
             return
         elapsed = self.elapsed(reading, counted)
         if elapsed == 0:
-            self._repeat(counted, fits, expected <= period, arrival)
+            self._repeat(counted, expected <= period, arrival)
             return
         time = self._read_time + elapsed
         if self._in_a_row or not fits:
@@ -180,19 +180,15 @@ class DeviceClock:
         """
         self._sync.interrupt(self.time, arrival)
 
-    def _repeat(self, counted: float, fits: bool, next_tick: bool, arrival: int) -> None:
+    def _repeat(self, counted: float, next_tick: bool, arrival: int) -> None:
         """Count on by the sequence, as the reading repeats the one before."""
         self.repeated += 1
         self._in_a_row += 1
         time = self._count_on(counted)
-        early = 0.0 if fits else self._sync.delay(time, arrival)
-        if early < EARLIEST:
-            counted += early / 1000
-            time += round(early / 1000)
-            self._sync.doubt(time, arrival, time - self.time)
-        elif self._in_a_row == 1 and next_tick:  # the clock stands still, or two scans were sampled at once
-            self._sync.widen(time - self.time, arrival)
-        self._counted, self.time = counted, time
+        possible = self._not_of_future(time, arrival)
+        if possible == time and self._in_a_row == 1 and next_tick:
+            self._sync.widen(time - self.time, arrival)  # it stands still, or two scans were sampled at once
+        self._counted, self.time = counted + (possible - time), possible
 
     def _count_on(self, counted: float) -> int:
         """Return the time by the sequence: a tick, but a scan is never sampled before the one before it."""
@@ -202,13 +198,20 @@ class DeviceClock:
         """Return that of two times which the arrival speaks for; what it leaves open is uncertain for a while."""
         delay, other = self._sync.delay(read, arrival), abs(self._sync.delay(by_sequence, arrival))
         time = by_sequence if other < abs(delay) and not EARLIEST <= delay <= other + PROMPT else read
-        early = self._sync.delay(time, arrival)
-        if early < EARLIEST:  # both are of the future: neither is right
-            time += round(early / 1000)
-            self._sync.doubt(time, arrival, time - self.time)
-            return time
+        possible = self._not_of_future(time, arrival)
+        if possible != time:  # neither is right
+            return possible
         self._sync.doubt(time, arrival, min(time - min(read, by_sequence - slack), time - self.time))
         return time
+
+    def _not_of_future(self, time: int, arrival: int) -> int:
+        """Return the time, or the latest one that the arrival allows: the clock is in doubt then."""
+        delay = self._sync.delay(time, arrival)
+        if not delay < EARLIEST:
+            return time
+        latest = time + round(delay / 1000)
+        self._sync.doubt(latest, arrival, latest - self.time)
+        return latest
 
     def _take(self, reading: int, time: int) -> None:
         self._reading, self._read_time, self.time = reading, time, time

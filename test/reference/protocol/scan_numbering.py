@@ -189,8 +189,8 @@ class ScanNumbering:
         return self._restart(number, arrival)
 
     def _elapsed(self, reading: int, arrival: int) -> float:
-        """Return the time since the newest scan on the clock of the host [us]; on the board's while none is mapped."""
-        age = self._clock.age(arrival)  # it may have waited to be read for as long as the host stood still
+        """Return the greatest time since the newest scan [us]: of the host, of the board while none is mapped."""
+        age = self._clock.greatest_age(arrival)  # it may have waited to be read for as long as the host stood still
         return max((arrival - self._arrival) / 1000, self._clock.ahead(reading) if math.isnan(age) else age)
 
     def _fits(self, ahead: int, reading: int, expected: float) -> bool:

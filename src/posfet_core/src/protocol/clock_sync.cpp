@@ -23,7 +23,7 @@ double ClockSync::lead() const {
 
 double ClockSync::uncertainty() const {
   const bool settled = state_.doubted || state_.last - interrupted_ >= kWindow;
-  return drift() + (settled ? lead() : 0.0) + std::max(state_.offset - lowest_, 0.0);
+  return drift() + (settled ? lead() : 0.0) + excess();
 }
 
 double ClockSync::error(double late, double early, double delay) const {

@@ -39,7 +39,7 @@ void DeviceClock::advance(const Reading& scan) {
   }
   const Wide since = elapsed(scan.reading, counted);
   if (since == 0) {
-    repeat(counted, fits, scan.expected <= scan.period, scan.arrival);
+    repeat(counted, scan.expected <= scan.period, scan.arrival);
     return;
   }
   Wide time = read_time_ + since;
@@ -63,21 +63,17 @@ void DeviceClock::restart(std::uint32_t reading, bool same_boot, Wide arrival) {
 }
 
 /// Count on by the sequence, as the reading repeats the one before.
-void DeviceClock::repeat(double counted, bool fits, bool next_tick, Wide arrival) {
+void DeviceClock::repeat(double counted, bool next_tick, Wide arrival) {
   ++repeated_;
   in_a_row_ = std::min(in_a_row_ + 1, kFrozenReadings);
   const bool first = in_a_row_ == 1;
-  Wide time = count_on(counted);
-  const double early = fits ? 0.0 : sync_.delay(time, arrival);
-  if (early < kEarliest) {
-    counted += early / 1000.0;
-    time += rounded(early / 1000.0);
-    sync_.doubt(time, arrival, real(time - time_));
-  } else if (first && next_tick) {  // the clock stands still, or two scans were sampled at once
+  const Wide time = count_on(counted);
+  const Wide possible = not_of_future(time, arrival);
+  if (possible == time && first && next_tick) {  // the clock stands still, or two scans were sampled at once
     sync_.widen(real(time - time_), arrival);
   }
-  counted_ = counted;
-  time_ = time;
+  counted_ = counted + real(possible - time);
+  time_ = possible;
 }
 
 /// The time by the sequence: a tick, but a scan is never sampled before the one before it.
@@ -88,16 +84,25 @@ Wide DeviceClock::decide(Wide read, Wide by_sequence, Wide arrival, double slack
   const double delay = sync_.delay(read, arrival);
   const double other = std::abs(sync_.delay(by_sequence, arrival));
   const bool right = kEarliest <= delay && delay <= other + kPrompt;
-  Wide time = other < std::abs(delay) && !right ? by_sequence : read;
-  const double early = sync_.delay(time, arrival);
-  if (early < kEarliest) {  // both are of the future: neither is right
-    time += rounded(early / 1000.0);
-    sync_.doubt(time, arrival, real(time - time_));
-    return time;
+  const Wide time = other < std::abs(delay) && !right ? by_sequence : read;
+  const Wide possible = not_of_future(time, arrival);
+  if (possible != time) {  // neither is right
+    return possible;
   }
   const double least = std::min(real(read), real(by_sequence) - slack);
   sync_.doubt(time, arrival, std::min(real(time) - least, real(time - time_)));
   return time;
+}
+
+/// The time, or the latest one that the arrival allows: the clock is in doubt then.
+Wide DeviceClock::not_of_future(Wide time, Wide arrival) {
+  const double delay = sync_.delay(time, arrival);
+  if (!(delay < kEarliest)) {
+    return time;
+  }
+  const Wide latest = time + rounded(delay / 1000.0);
+  sync_.doubt(latest, arrival, real(latest - time_));
+  return latest;
 }
 
 void DeviceClock::take(std::uint32_t reading, Wide time) {

@@ -83,9 +83,9 @@ std::optional<std::int64_t> ScanNumbering::jump(const Number& number, Wide arriv
   return restart(number, arrival);
 }
 
-/// Time since the newest scan on the clock of the host [us]; on the board's while none is mapped.
+/// Greatest time since the newest scan on the clock of the host [us]; on the board's while none is mapped.
 double ScanNumbering::elapsed(std::uint32_t reading, Wide arrival) const {
-  const double age = clock_.age(arrival);  // it may have waited to be read for as long as the host stood still
+  const double age = clock_.greatest_age(arrival);  // it may have waited to be read for as long as the host stood still
   return std::max(real(arrival - arrival_) / 1000.0, std::isnan(age) ? clock_.ahead(reading) : age);
 }
 

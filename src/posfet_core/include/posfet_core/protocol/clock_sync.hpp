@@ -19,6 +19,7 @@
 /// after ten seconds that delay counts as a step of the clock.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -84,6 +85,9 @@ public:
   ///
   /// For a window after `interrupt` without the `lead`: the first frame may just have been delayed.
   double uncertainty() const;
+
+  /// Time by which the offset may be too high, as device times may be ahead of the clock [ns].
+  double excess() const { return std::max(state_.offset - lowest_, 0.0); }
 
   /// The largest error [ns] of a stamp by the newest frame, which may be late and early by some times [ns] whatever the
   /// offset, and is early by no more than the `delay` from the stamp to the arrival of its frame [ns].

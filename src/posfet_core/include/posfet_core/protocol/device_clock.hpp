@@ -77,8 +77,8 @@ public:
   /// How far a reading is ahead of the newest one, modulo the range of readings [us]; 0 if unknown.
   std::uint32_t ahead(std::uint32_t reading) const { return known_ ? between(reading_, reading) : 0; }
 
-  /// Time since the newest scan was acquired [us], at a monotonic time [ns]; NaN before the first.
-  double age(Wide arrival) const { return sync_.delay(time_, arrival) / 1000.0; }
+  /// Greatest time since the newest scan was acquired [us], at a monotonic time [ns]; NaN before the first.
+  double greatest_age(Wide arrival) const { return (sync_.delay(time_, arrival) + sync_.excess()) / 1000.0; }
 
   /// Time since the newest reading [us]; the same by the sequence [us] tells how often the clock has wrapped meanwhile.
   Wide elapsed(std::uint32_t reading, double expected) const;
@@ -94,9 +94,10 @@ public:
   void interrupt(Wide arrival) { sync_.interrupt(time_, arrival); }
 
 private:
-  void repeat(double counted, bool fits, bool next_tick, Wide arrival);
+  void repeat(double counted, bool next_tick, Wide arrival);
   Wide count_on(double counted) const;
   Wide decide(Wide read, Wide by_sequence, Wide arrival, double slack);
+  Wide not_of_future(Wide time, Wide arrival);
   void take(std::uint32_t reading, Wide time);
 
   std::uint64_t modulus_;
