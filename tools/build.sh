@@ -23,5 +23,5 @@ only_python=$([[ -n "${ROS_DISTRO:-}" ]] && echo OFF || echo ON)
 env -u PYTHONDONTWRITEBYTECODE colcon build \
     --event-handlers console_direct+ console_start_end+ console_stderr- console_cohesion- status- summary- \
     --cmake-args -G "$generator" "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF "-DPOSFET_MSGS_ONLY_PYTHON=$only_python" --no-warn-unused-cli |
-    python3 tools/progress.py colcon "${#packages[@]}"
+    python3 tools/progress.py "${#packages[@]}"
 touch install/.built

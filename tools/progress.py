@@ -7,7 +7,7 @@
 
 """Show what pip or colcon, whose output is piped in, is doing: one line per step, on a terminal with a progress bar.
 
-``pip install ... | progress.py pip 130`` and ``colcon build ... | progress.py colcon 5``, with the number of packages.
+``colcon build ... | progress.py 5``, with the number of packages.
 Runs with any Python from 3.10 on, before anything is installed.
 """
 
@@ -22,8 +22,6 @@ from typing import TextIO
 
 BAR = 24
 """Characters of a bar."""
-PLAIN_EVERY = 25
-"""Packages of pip between two lines of an output that is no terminal."""
 KEPT = 40
 """Lines of output that are printed when a package fails."""
 
@@ -70,32 +68,6 @@ class Step:
         return self._clock() - self._started
 
 
-def pip(lines: Iterable[str], total: int, step: Step) -> None:
-    """Follow `pip install`.
-
-    Parameters
-    ----------
-    lines : iterable of str
-        Output of pip.
-    total : int
-        About as many packages are collected.
-    step : Step
-        Where to show it.
-    """
-    collected: set[str] = set()
-    for line in lines:
-        if found := re.match(r"Collecting ([\w.-]+)", line):
-            collected.add(found[1].lower())
-            step.show("      packages", 0.8 * len(collected) / total, f"{len(collected)} of about {total}: {found[1]}")
-            if not step.terminal and len(collected) % PLAIN_EVERY == 0:
-                step.say(f"      {len(collected)} of about {total} packages after {step.elapsed:.0f} s")
-        elif line.startswith("Installing"):
-            step.show("      packages", 0.9, "installing")
-            if not step.terminal:
-                step.say(f"      installing after {step.elapsed:.0f} s")
-    step.say(f"      {len(collected)} packages in {step.elapsed:.0f} s")
-
-
 def colcon(lines: Iterable[str], total: int, step: Step) -> None:
     """Follow `colcon build`.
 
@@ -132,9 +104,8 @@ def colcon(lines: Iterable[str], total: int, step: Step) -> None:
 
 
 def main(words: list[str]) -> int:
-    """Follow the program named in the first argument and return the exit code."""
-    follow = {"pip": pip, "colcon": colcon}[words[0]]
-    follow(sys.stdin, int(words[1]), Step(sys.stdout))
+    """Follow a build of as many packages as the first argument says, and return the exit code."""
+    colcon(sys.stdin, int(words[0]), Step(sys.stdout))
     return 0
 
 

@@ -42,6 +42,7 @@ def main() -> int:
         for pattern, replacement in replacements:
             moved = re.sub(pattern, lambda _, to=replacement: to, moved)
         if moved != text:
+            path.unlink()  # not in place: the installer's cache may have the same file under another name
             path.write_text(moved, encoding="utf-8")
             changed += 1
     print(f"      {changed} CMake files of the ROS 2 wheels now point at {prefix.name}")

@@ -24,7 +24,6 @@ import progress
 
 sys.path.pop(0)
 
-PIP = ["Collecting numpy==2.2.6\n", "  Downloading it\n", "Collecting rich==15.0.0\n", "Installing collected\n"]
 COLCON = [
     "Starting >>> posfet_msgs\n",
     "[ 50%] Building C object a.o\n",
@@ -47,8 +46,9 @@ def seconds() -> Iterator[int]:
 
 def test_a_file_gets_plain_lines_with_the_time(seconds: Iterator[int]) -> None:
     plain = io.StringIO()
-    progress.pip(PIP, 4, progress.Step(plain, lambda: float(next(seconds))))
-    assert plain.getvalue().splitlines()[-1].startswith("      2 packages in ")
+    progress.colcon(COLCON[:3], 2, progress.Step(plain, lambda: float(next(seconds))))
+    assert plain.getvalue().splitlines()[-1].startswith("posfet: build: 1 of 2 packages after ")
+    assert not plain.getvalue().endswith(" 0 s\n")
     assert "\r" not in plain.getvalue()
 
 
@@ -76,9 +76,9 @@ def test_a_build_that_fails_shows_its_output_and_how_far_it_came() -> None:
 
 
 def test_the_main_function_reads_its_input(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO("".join(PIP)))
-    assert progress.main(["pip", "2"]) == 0
-    assert capsys.readouterr().out.endswith("2 packages in 0 s\n")
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(COLCON)))
+    assert progress.main(["2"]) == 0
+    assert "posfet: build [2/2] posfet_model: 1.5s\n" in capsys.readouterr().out
 
 
 def test_an_interface_file_is_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,7 +53,7 @@ Batch begin_batch(MappedDecoder& decoder, const py::object& frames, Wide arrival
 }
 
 /// Go on to the next scan that the batch's frames complete, and write it to `scan`; return False at the end.
-bool advance(MappedDecoder& decoder, Batch& batch, const py::object& scan) {
+bool advance_mapped(MappedDecoder& decoder, Batch& batch, const py::object& scan) {
   while (!batch.ended) {
     PyObject* item = batch.next();
     if (item == nullptr) {
@@ -164,7 +164,7 @@ void bind_mapped(const py::module_& module) {
       .def("start", &MappedDecoder::start)
       .def("note_overflow", &MappedDecoder::note_overflow)
       .def("begin_batch", &begin_batch, py::arg("frames"), py::arg("arrival"), py::arg("wall_offset"))
-      .def("advance", &advance, py::arg("batch"), py::arg("scan"));
+      .def("advance", &advance_mapped, py::arg("batch"), py::arg("scan"));
 }
 
 }  // namespace posfet::protocol
