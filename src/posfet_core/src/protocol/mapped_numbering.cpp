@@ -100,7 +100,7 @@ MappedNumbering::Advance MappedNumbering::advance() {
 /// Whether counter or time are ahead of the arrivals: they have restarted.
 bool MappedNumbering::is_too_far(const Advance& by) const {
   const double passed = std::max(real(by.scans) * period_, real(by.ticks) * tick_);
-  return passed > kResetMargin && passed > (line_.room() + kResetMargin + 2.0 * period_) * (1.0 + kRateTolerance);
+  return passed > kResetMargin && passed > (line_.room() + kResetMargin + 2.0 * period_) * (1.0 + kStepTolerance);
 }
 
 /// How far counter and time have advanced; whichever wraps later tells how often the other one has.
@@ -155,7 +155,7 @@ Wide MappedNumbering::scans_in(Wide ticks) {
   double surplus = surplus_ + real(ticks) * tick_ / period_ - 1.0;
   const Wide lost = std::max(rounded(surplus), Wide{0});
   surplus -= real(lost);
-  surplus_ = surplus - std::min(std::max(surplus, -kRateTolerance), kRateTolerance);
+  surplus_ = surplus - std::min(std::max(surplus, -kStepTolerance), kStepTolerance);
   return 1 + lost;
 }
 

@@ -15,7 +15,7 @@
 namespace posfet::protocol {
 
 /// Greatest relative difference of the board's scan rate from the sensor file's: CAN needs such clocks, too.
-constexpr double kRateTolerance = 0.005;
+constexpr double kStepTolerance = 0.005;
 /// Smallest number of scans, of scan periods and of batches in which one scan has to arrive undelayed.
 constexpr int kWindowScans = 32;
 constexpr int kWindowBatches = 3;
@@ -31,7 +31,7 @@ constexpr double kLongestDelay = 250e6;
 class ArrivalLine {
 public:
   /// Scan period [ns].
-  explicit ArrivalLine(double period) : step_(period * (1.0 + kRateTolerance)) {}
+  explicit ArrivalLine(double period) : step_(period * (1.0 + kStepTolerance)) {}
 
   /// Monotonic time at which the newest scan would have arrived undelayed [ns].
   double time() const { return time_; }

@@ -26,7 +26,7 @@ constexpr double kMissingScans = 1.5;
 /// Unwraps the board's counter and clock, each with the help of the other and of the arrivals.
 ///
 /// Without a counter, the sequence is counted by the board's time, and without both by the arrivals (`ArrivalLine`).
-/// Then lost scans are an estimate, and the scan rate of the sensor file has to be right to within `kRateTolerance`. A
+/// Then lost scans are an estimate, and the scan rate of the sensor file has to be right to within `kStepTolerance`. A
 /// counter or clock that moves further than the time since the previous scan allows has restarted.
 class MappedNumbering {
 public:
