@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from posfet_core.contact import Contact, Motion, Region
 
 CORNER_FREQUENCY: Final[float]
+DEAD_SHARE: Final[float]
 ENTER_DEVIATIONS: Final[float]
 FASTEST_WARMING: Final[float]
 FEWEST_FOR_UNIFORM: Final[int]
+INFORMATIVE: Final[float]
 INTERPOLATION_UNCERTAINTY: Final[float]
 LAST_ID: Final[int]
 LEAST_LOADED: Final[float]
@@ -25,6 +27,7 @@ NEGLIGIBLE_CORRELATION: Final[float]
 OWN_STATES: Final[int]
 POWER_TIME_CONSTANT: Final[float]
 READING_NOISE: Final[float]
+RETURN_MEMORY: Final[float]
 SLIP_END_SPEED: Final[float]
 SLIP_SPEED: Final[float]
 THERMAL_STATES: Final[tuple[int, ...]]
@@ -232,6 +235,54 @@ class CountHistory:
     def filled(self) -> int: ...
     def add(self, counts: ArrayLike, close: bool) -> None: ...
     def keep(self, rows: int) -> None: ...
+
+class TaxelFigures:
+    def __init__(
+        self,
+        *,
+        threshold: float,
+        release_threshold: float,
+        noise: float,
+        newton_per_count: float,
+        force_max: float,
+        time_constant: float,
+        longest_run: float,
+        coarse: bool,
+        spread_by_skin: bool,
+    ) -> None: ...
+
+class TaxelFaultDetector:
+    def __init__(self, skin: SkinResponse, figures: TaxelFigures, known_dead: ArrayLike | None = None) -> None: ...
+    @property
+    def history(self) -> CountHistory: ...
+    @property
+    def status(self) -> NDArray[np.uint8]: ...
+    @property
+    def faulty(self) -> NDArray[np.bool_]: ...
+    @property
+    def any_faulty(self) -> bool: ...
+    @property
+    def usual_change(self) -> NDArray[np.float64]: ...
+    @property
+    def noise_variance(self) -> NDArray[np.float64]: ...
+    def informative(self, deviation: float) -> NDArray[np.bool_]: ...
+    def close_block(
+        self,
+        duration: float,
+        force: ArrayLike,
+        variance: ArrayLike,
+        charge: ArrayLike,
+        saturated: ArrayLike,
+        touched: ArrayLike,
+        offset_known: ArrayLike,
+    ) -> bool: ...
+    def measure_noise(self, duration: float, saturated: ArrayLike, touched: ArrayLike) -> None: ...
+
+class TelegraphDetector:
+    def __init__(self, skin: SkinResponse, time_constant: float) -> None: ...
+    @property
+    def found(self) -> NDArray[np.bool_]: ...
+    def close_block(self, mean: ArrayLike, variance: ArrayLike, sound: ArrayLike, duration: float) -> None: ...
 
 class ScanPath:
     vibration_wanted: bool

@@ -15,6 +15,9 @@ namespace posfet {
 /// Charges and forces of a scan: scan clock, crosstalk, bursts, hum, integration, history of the counts.
 void bind_scan_parts(const pybind11::module_& module);
 
+/// Tests of the taxels.
+void bind_faults(const pybind11::module_& module);
+
 /// The whole path, and the serialised message.
 void bind_scan_path(const pybind11::module_& module);
 

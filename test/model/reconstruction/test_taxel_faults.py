@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import DEAD_SHARE
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
-from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector, TaxelFaultSettings, TaxelStatus, longest_run
+from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector, TaxelStatus, longest_run
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY, NeighbourInterpolation
 from posfet_model.sensor.scan import Scan
@@ -155,7 +156,7 @@ def test_one_or_two_spheres_anywhere_mark_no_taxel_dead() -> None:
         least = surroundings.lower_bound(force, none, everywhere, 1.7e-3)
         pressed = least >= 5 * SENSOR.contact.threshold
         compared += int(np.count_nonzero(pressed))
-        assert (force[pressed] >= 1.5 * TaxelFaultSettings().dead * least[pressed]).all()
+        assert (force[pressed] >= 1.5 * DEAD_SHARE * least[pressed]).all()
     assert compared > 500
 
 

@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import RETURN_MEMORY as MEMORY
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
-from posfet_model.reconstruction.telegraph_noise import MEMORY
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count

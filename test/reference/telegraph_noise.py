@@ -5,17 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Telegraph noise: a taxel whose signal switches between two levels at random.
-
-The levels are constant, while the charge of a touch leaks: second differences do not show such noise, and a touch does
-not look like it. In the means of blocks of 20 ms a level is where two consecutive blocks agree. A taxel returns when
-its next level is the one that it had before the last; when it did so several times, and its neighbours felt nothing of
-these steps, it has telegraph noise. Where there are too few neighbours, as in a corner, a return counts when the charge
-of a force would have leaked clearly meanwhile, so that its release would have missed the level. The taxel is cured when
-it has not returned for a while.
-
-Steps of less than 8 standard deviations of a block's mean are not seen, nor levels that last for less than two blocks.
-"""
+"""Reference of the detection of telegraph noise, in NumPy; posfet_core/telegraph_noise.hpp says what it does."""
 
 from __future__ import annotations
 
@@ -26,8 +16,8 @@ import numpy as np
 
 from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
-from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
-from posfet_model.sensor.skin_response import SkinResponse
+from reference.neighbour_estimate import NeighbourInterpolation
+from reference.skin_response import SkinResponse
 
 LEAST_STEP: Final = 8.0
 """Standard deviations of a block's mean from which another mean is another level [1]."""
