@@ -330,8 +330,8 @@ class Link:
         active, noise = self.active, self._noise
         identifier, kind, data = frame
         if "adapter stalls" in active:
-            if len(self._stalled) < self.room:
-                self._stalled.append((time, frame))
+            held, self._swap = [(time, frame), *([self._swap] if self._swap else [])], None  # it was overtaken now
+            self._stalled += held[: max(self.room - len(self._stalled), 0)]
             return
         if identifier == BASE + 1:
             if "answers lost" in active:

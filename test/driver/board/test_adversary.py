@@ -9,15 +9,20 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from support import adversary
 from support.adversary import FAULTS, SECOND, Adversary, Findings, campaign, describe, main, variants
+from support.adversary_link import BASE, Link, LoggedBoard
+from support.clocks import SteppedClock
 from support.reference_board import COMPILER, make
 
 SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
@@ -79,6 +84,27 @@ def test_losses_that_the_driver_does_not_count_are_found(
     assert bench.hardware.close() == 0
     assert found.stretches > 50
     assert found.failures.keys() == ({"silent loss"} if counted < 1.0 else set()), found.examples
+
+
+def test_an_adapter_that_stalls_holds_back_no_frame_longer_than_the_one_that_overtakes_it() -> None:
+    """Else a classic block could be late by 16 scans, in which its counter is the same again."""
+    sent = deque((time * 1_000_000, (BASE + 8, 0, bytes([time]))) for time in range(1, 11))
+    board = SimpleNamespace(now=0, host_time=lambda time: time, run_until=lambda _: [sent.popleft()])
+    link = Link(
+        SteppedClock(),
+        cast(LoggedBoard, board),
+        False,
+        cast(Random, SimpleNamespace(random=lambda: 0.0, getrandbits=lambda _: 1)),
+    )
+    link.begin("frames reordered")
+    link.run(1)
+    link.begin("adapter stalls")
+    for _ in range(9):
+        link.run(1)
+    link.end()
+    link.clock.now = SECOND
+    board.now = 2 * SECOND  # nothing more is sent
+    assert [frame[2][0] for frame in link.read_frames(0.0)] == [2, 1, *range(3, 11)]
 
 
 @pytest.mark.parametrize(("seed", "scans"), [(1, 2000), (2, 7000)])
