@@ -12,8 +12,11 @@
 
 namespace posfet {
 
-/// Charges and forces of a scan: scan clock, crosstalk, bursts, hum, integration, history of the counts.
+/// Charges and forces of a scan: scan clock, crosstalk, bursts, integration, history of the counts.
 void bind_scan_parts(const pybind11::module_& module);
+
+/// Mains hum.
+void bind_hum(const pybind11::module_& module);
 
 /// Tests of the taxels.
 void bind_faults(const pybind11::module_& module);

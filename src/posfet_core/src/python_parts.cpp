@@ -19,7 +19,6 @@
 #include "posfet_core/count_history.hpp"
 #include "posfet_core/crosstalk.hpp"
 #include "posfet_core/force_integration.hpp"
-#include "posfet_core/hum_filter.hpp"
 #include "posfet_core/scan_clock.hpp"
 #include "posfet_core/skin_response.hpp"
 #include "posfet_core/thermometers.hpp"
@@ -127,61 +126,6 @@ void bind_bursts(const py::module_& module) {
           py::arg("charge"), py::arg("sequence"), py::arg("faulty"),
           "Return whether a scan has a burst, and keep its charges if not.");
   module.attr("MOST_IN_A_ROW") = kMostInARow;
-}
-
-template <typename Class, typename Number, Number HumFilter::State::* Member>
-void bind_hum_state(Class& bound, const char* name, const char* text) {
-  bound.def_property(
-      name, [](const HumFilter& hum) { return hum.state().*Member; },
-      [](HumFilter& hum, Number value) { hum.state().*Member = value; }, text);
-}
-
-void bind_hum(const py::module_& module) {
-  using State = HumFilter::State;
-  py::class_<HumFilter, std::shared_ptr<HumFilter>> bound(module, "HumFilter",
-                                                          "Subtracts the hum of signals in any unit.");
-  using Bound = decltype(bound);
-  bound.def(py::init<std::size_t, std::size_t>(), py::arg("taxels"), py::arg("scans"))
-      .def(
-          "remove",
-          [](HumFilter& hum, KeptValues signal, double step) {
-            require_taxels(signal, static_cast<Taxel>(hum.taxels()), "signal");
-            hum.remove(signal.mutable_data(), step);
-          },
-          py::arg("signal").noconvert(), py::arg("step"), "Subtract the hum from the signals of a scan, in place.")
-      .def("start_window", &HumFilter::start_window, "Begin a new window.")
-      .def("clear", &HumFilter::clear, "Subtract nothing from now on.")
-      .def_property_readonly("scans", &HumFilter::scans, "Number of scans of a window.")
-      .def_property_readonly(
-          "filled", [](const HumFilter& hum) { return hum.state().filled; }, "Number of scans in the window.")
-      .def_property_readonly(
-          "time", [](const HumFilter& hum) { return hum.state().time; }, "Time since the start of the window [s].")
-      .def_property_readonly(
-          "parts",
-          [](const py::object& self) {
-            auto& hum = self.cast<HumFilter&>();
-            return view_of(hum.parts().data(), {2, static_cast<py::ssize_t>(hum.taxels())}, self);
-          },
-          "Cosine and sine parts of each taxel's hum.")
-      .def_property_readonly(
-          "window",
-          [](const py::object& self) {
-            auto& hum = self.cast<HumFilter&>();
-            return view_of(hum.window().data(),
-                           {static_cast<py::ssize_t>(hum.scans()), static_cast<py::ssize_t>(hum.taxels())}, self);
-          },
-          "Signals of the window.")
-      .def_property_readonly(
-          "times",
-          [](const py::object& self) {
-            auto& hum = self.cast<HumFilter&>();
-            return view_of(hum.times().data(), {static_cast<py::ssize_t>(hum.scans())}, self);
-          },
-          "Times of its scans since its start [s].");
-  bind_hum_state<Bound, bool, &State::present>(bound, "present", "Whether a hum is subtracted.");
-  bind_hum_state<Bound, bool, &State::sampling>(bound, "sampling", "Whether the signals of the scans are kept.");
-  bind_hum_state<Bound, double, &State::frequency>(bound, "hum_frequency", "Frequency [Hz].");
-  bind_hum_state<Bound, double, &State::phase>(bound, "phase", "Phase at the start of the window [rad].");
 }
 
 /// A writable view of one of the values that each taxel holds.
@@ -371,7 +315,6 @@ void bind_scan_parts(const py::module_& module) {
   bind_clock(module);
   bind_crosstalk(module);
   bind_bursts(module);
-  bind_hum(module);
   bind_thermometers(module);
   bind_integration(module);
   bind_history(module);

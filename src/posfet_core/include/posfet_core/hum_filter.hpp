@@ -7,7 +7,7 @@
 
 /// Mains hum of all taxels: subtracted scan by scan, with the signals kept from which it is estimated.
 ///
-/// Amplitudes, phase and frequency are estimated at the end of a window; posfet_model/reconstruction/mains_hum.py.
+/// Amplitudes, phase and frequency are estimated at the end of a window; mains_hum.hpp.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +38,7 @@ public:
 
   /// Cosine and sine parts of each taxel's hum, in the unit of the signals, [2, taxels].
   std::vector<double>& parts() { return parts_; }
+  const std::vector<double>& parts() const { return parts_; }
 
   /// Signals of the window, [scans, taxels].
   std::vector<double>& window() { return window_; }

@@ -1,0 +1,126 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Mains hum: estimated where nothing touches and subtracted everywhere, in contacts as well.
+///
+/// All taxels hum at one frequency, each with its own amplitude and phase. These are estimated in windows of whole
+/// periods without touch. A touch may last long, and the mains frequency drifts: then the phase is tracked on the
+/// taxels that are not in contact, for all. So a touch that vibrates at the mains frequency is preserved. Where too few
+/// taxels are untouched, the phase is predicted for a while; after that the hum is no longer subtracted.
+///
+/// Only the fundamental is estimated. Harmonics stay.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <vector>
+
+#include "posfet_core/flags.hpp"
+#include "posfet_core/hum_filter.hpp"
+
+namespace posfet {
+
+/// Nominal mains frequencies [Hz].
+constexpr std::array<double, 2> kMainsFrequencies{50.0, 60.0};
+
+/// Window in which a phase is measured [s]: whole periods of each of `kMainsFrequencies`.
+constexpr double kHumWindow = 0.1;
+
+/// Least number of scans in a period with which the hum is distinguishable from other signals [1].
+constexpr double kScansPerPeriod = 2.5;
+
+/// Time between two searches for hum while there is none [s].
+constexpr double kSearchPause = 0.5;
+
+/// Least amplitude of a hum, in standard deviations of the noise in a window [1].
+constexpr double kDetection = 5.0;
+
+/// A hum of less than this many standard deviations of a reading's noise is not subtracted [1].
+constexpr double kLeastAmplitude = 0.2;
+
+/// Greatest deviation of the phase from its prediction between two windows [rad].
+constexpr double kLargestPhaseChange = 1.0;
+
+/// Share of a window's phase error by which the phase is corrected [1].
+constexpr double kPhaseGain = 0.4;
+
+/// Share of a window's phase error by which the frequency is corrected [1].
+constexpr double kFrequencyGain = 0.06;
+
+/// Share of the common amplitude error by which all amplitudes are corrected [1].
+constexpr double kAmplitudeGain = 0.4;
+
+/// Least share of a taxel's individual error by which it is corrected [1]; at first the mean of all windows is taken.
+constexpr double kIndividualGain = 0.1;
+
+/// Greatest relative change of amplitude [1] and greatest change of phase [rad] by one window.
+constexpr double kLargestHumStep = 0.5;
+
+/// Least share of untouched taxels among all working ones from which the hum is estimated [1].
+constexpr double kFewestFree = 0.2;
+
+/// Time for which the phase is predicted from the last frequency [s].
+constexpr double kPredictionTime = 5.0;
+
+/// Factor on the amplitude in each window after that time [1].
+constexpr double kFading = 0.8;
+
+/// Estimates and subtracts the hum of signals in any unit, scan by scan: `remove` subtracts it from the signals of a
+/// scan, and keeps them for the estimation; required while `sampling`.
+class MainsHum : public HumFilter {
+public:
+  /// `rate` is the number of scans per second [Hz]: too low a one to find hum switches the search off. `noise` is the
+  /// standard deviation of a reading, in the unit of the signals.
+  MainsHum(std::size_t taxels, double rate, double noise);
+
+  /// Whether the rate suffices to find hum.
+  bool searches() const { return scans() > 0; }
+
+  /// Frequency of the hum [Hz]; NaN: no hum.
+  double frequency() const;
+
+  /// Root mean square of the taxels' amplitudes, in the unit of the signals.
+  double amplitude() const;
+
+  /// Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum.
+  void forget();
+
+  /// End a block of scans of a duration [s]: the taxels that were touched in it, and the faulty ones. Processes the
+  /// window when it is complete.
+  void close_block(const bool* touched, const bool* ignored, double duration);
+
+private:
+  using Phasor = std::complex<double>;
+
+  bool find_free(const bool* ignored);
+  void detect();
+  void begin(Phasor common, double phase_change);
+  void track(bool touched);
+  void predict();
+  void correct(double in_phase, double lead);
+  void scale(double factor);
+  void reset();
+  void restart_window();
+  void correlate(double frequency);
+  Phasor common_phasor() const;
+
+  double noise_of_window_;
+  double least_;
+  std::vector<double> weights_;   ///< Hann window: suppresses slow changes.
+  double pause_ = 0.0;            ///< What is left of the pause [s].
+  TaxelFlags touched_;            ///< In the window.
+  TaxelFlags free_;               ///< Taxels from which the hum is estimated.
+  std::size_t free_count_ = 0;    ///< Their number.
+  std::vector<double> measured_;  ///< Cosine and sine parts of the window's signals at some frequency, [2, taxels].
+  bool suspected_ = false;
+  Phasor before_;  ///< Mean of the free taxels in the previous window, where a hum was suspected.
+  std::size_t windows_ = 0;
+  double predicted_ = 0.0;  ///< Time since the phase was last measured [s].
+};
+
+}  // namespace posfet

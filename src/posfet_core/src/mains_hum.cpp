@@ -1,0 +1,253 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/mains_hum.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace posfet {
+
+namespace {
+
+constexpr double kTurn = 6.283185307179586;
+
+/// Number of scans of a window; 0: the rate is too low.
+std::size_t scans_of_window(double rate) {
+  const bool enough = rate >= kScansPerPeriod * kMainsFrequencies.back();
+  return enough ? static_cast<std::size_t>(std::nearbyint(kHumWindow * rate)) : 0;
+}
+
+double limited(double step) { return std::clamp(step, -kLargestHumStep, kLargestHumStep); }
+
+}  // namespace
+
+MainsHum::MainsHum(std::size_t taxels, double rate, double noise)
+    : HumFilter(taxels, scans_of_window(rate)),
+      least_(kLeastAmplitude * noise),
+      weights_(scans()),
+      touched_(taxels),
+      free_(taxels),
+      measured_(2 * taxels) {
+  const double count = std::max(static_cast<double>(scans()), 1.0);
+  noise_of_window_ = noise * std::sqrt(3.0 / count);
+  for (std::size_t scan = 0; scan < scans(); ++scan) {
+    weights_[scan] = 2.0 / count * (1.0 - std::cos(kTurn * (static_cast<double>(scan) + 0.5) / count));
+  }
+}
+
+double MainsHum::frequency() const {
+  return state().present ? state().frequency : std::numeric_limits<double>::quiet_NaN();
+}
+
+double MainsHum::amplitude() const {
+  double square = 0.0;
+  for (const double part : parts()) {
+    square += part * part;
+  }
+  return std::sqrt(2.0 * (square / static_cast<double>(parts().size())));
+}
+
+void MainsHum::forget() {
+  suspected_ = false;
+  pause_ = 0.0;
+  std::fill(touched_.data(), touched_.data() + taxels(), false);
+}
+
+void MainsHum::close_block(const bool* touched, const bool* ignored, double duration) {
+  if (pause_ > 0.0) {
+    pause_ -= duration;
+    if (pause_ <= 0.0) {
+      restart_window();
+    }
+    return;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    touched_[taxel] = touched_[taxel] || touched[taxel];
+  }
+  if (!searches() || state().filled < scans()) {
+    return;
+  }
+  const bool enough = find_free(ignored);
+  if (!enough) {
+    predict();
+  } else if (state().present) {
+    track(touched_.any());
+  } else {
+    detect();
+  }
+  if (state().present || suspected_) {
+    restart_window();
+  } else {
+    pause_ = kSearchPause;
+    state().sampling = false;
+  }
+}
+
+/// Find the taxels that work and were not touched in the window; return whether there are enough of them.
+bool MainsHum::find_free(const bool* ignored) {
+  std::size_t working = 0;
+  free_count_ = 0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    free_[taxel] = !touched_[taxel] && !ignored[taxel];
+    working += ignored[taxel] ? 0 : 1;
+    free_count_ += free_[taxel] ? 1 : 0;
+  }
+  return static_cast<double>(free_count_) >= std::max(1.0, kFewestFree * static_cast<double>(working));
+}
+
+/// Detect a persistent hum: two consecutive windows must agree.
+void MainsHum::detect() {
+  double frequency = kMainsFrequencies.front();
+  Phasor now;
+  for (const double each : kMainsFrequencies) {
+    correlate(each);
+    const Phasor common = common_phasor();
+    if (std::abs(common) > std::abs(now)) {
+      frequency = each;
+      now = common;
+    }
+  }
+  const bool before = suspected_ && state().frequency == frequency;
+  suspected_ =
+      std::abs(now) > std::max(kDetection * noise_of_window_ / std::sqrt(static_cast<double>(free_count_)), least_);
+  if (!suspected_) {
+    return;
+  }
+  const double phase_change = std::arg(now * std::conj(before_));
+  before_ = now;
+  state().frequency = frequency;
+  if (before && std::abs(phase_change) <= kLargestPhaseChange) {
+    suspected_ = false;
+    correlate(frequency);
+    begin(now, phase_change);
+  }
+}
+
+/// Subtract from now on the hum that was measured; where it was not, that which the free taxels have in `common`.
+void MainsHum::begin(Phasor common, double phase_change) {
+  const std::size_t count = taxels();
+  for (std::size_t taxel = 0; taxel < count; ++taxel) {
+    parts()[taxel] = free_[taxel] ? measured_[taxel] : common.real();
+    parts()[count + taxel] = free_[taxel] ? measured_[count + taxel] : -common.imag();
+  }
+  state().present = true;
+  state().frequency += phase_change / (kTurn * state().time);
+  windows_ = 1;
+  predicted_ = 0.0;
+}
+
+/// Go on by the last frequency, for a limited time.
+void MainsHum::predict() {
+  if (!state().present) {
+    return;
+  }
+  predicted_ += state().time;
+  if (predicted_ > kPredictionTime) {
+    scale(kFading);
+  }
+}
+
+/// Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches.
+void MainsHum::track(bool touched) {
+  const std::size_t count = taxels();
+  predicted_ = 0.0;
+  correlate(state().frequency);
+  double power = 0.0;
+  double in_phase = 0.0;
+  double lead = 0.0;
+  for (std::size_t taxel = 0; taxel < count; ++taxel) {
+    if (free_[taxel]) {
+      const double cosine = parts()[taxel];
+      const double sine = parts()[count + taxel];
+      power += cosine * cosine + sine * sine;
+      in_phase += cosine * measured_[taxel] + sine * measured_[count + taxel];
+      lead += sine * measured_[taxel] - cosine * measured_[count + taxel];
+    }
+  }
+  if (power == 0.0) {
+    reset();
+    return;
+  }
+  in_phase /= power;
+  lead /= power;
+  const double error = limited(std::atan2(lead, 1.0 + in_phase));
+  state().phase += kPhaseGain * error;
+  state().frequency += kFrequencyGain * error / (kTurn * state().time);
+  if (!touched) {
+    correct(in_phase, lead);
+  }
+}
+
+/// Correct the amplitudes by what is left of the hum, beyond what all have in common, and by that.
+void MainsHum::correct(double in_phase, double lead) {
+  const std::size_t count = taxels();
+  ++windows_;
+  const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
+  for (std::size_t taxel = 0; taxel < count; ++taxel) {
+    if (free_[taxel]) {
+      double& cosine = parts()[taxel];
+      double& sine = parts()[count + taxel];
+      const double of_cosine = measured_[taxel] - in_phase * cosine - lead * sine;
+      const double of_sine = measured_[count + taxel] - in_phase * sine + lead * cosine;
+      cosine += gain * of_cosine;
+      sine += gain * of_sine;
+    }
+  }
+  scale(1.0 + kAmplitudeGain * limited(in_phase));
+}
+
+/// Scale all amplitudes; drop the hum when it becomes negligible.
+void MainsHum::scale(double factor) {
+  for (double& part : parts()) {
+    part *= factor;
+  }
+  if (amplitude() < 0.5 * least_) {
+    reset();
+  }
+}
+
+void MainsHum::reset() {
+  clear();
+  suspected_ = false;
+}
+
+void MainsHum::restart_window() {
+  start_window();
+  std::fill(touched_.data(), touched_.data() + taxels(), false);
+  pause_ = 0.0;
+}
+
+/// Measure the cosine and sine parts of the window's signals at a frequency [Hz].
+void MainsHum::correlate(double frequency) {
+  const std::size_t count = taxels();
+  std::fill(measured_.begin(), measured_.end(), 0.0);
+  for (std::size_t scan = 0; scan < scans(); ++scan) {
+    const double angle = state().phase + kTurn * frequency * times()[scan];
+    const double cosine = std::cos(angle) * weights_[scan];
+    const double sine = std::sin(angle) * weights_[scan];
+    const double* const signal = window().data() + scan * count;
+    for (std::size_t taxel = 0; taxel < count; ++taxel) {
+      measured_[taxel] += cosine * signal[taxel];
+      measured_[count + taxel] += sine * signal[taxel];
+    }
+  }
+}
+
+/// Mean of what was measured of the free taxels, as a phasor, whose angle is the phase lead.
+MainsHum::Phasor MainsHum::common_phasor() const {
+  Phasor sum;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (free_[taxel]) {
+      sum += Phasor(measured_[taxel], -measured_[taxels() + taxel]);
+    }
+  }
+  return sum / static_cast<double>(free_count_);
+}
+
+}  // namespace posfet

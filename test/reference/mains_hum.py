@@ -1,0 +1,223 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Reference of the estimation of mains hum, in NumPy; posfet_core/mains_hum.hpp says what it does."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
+from reference.hum_filter import HumFilter
+
+FREQUENCIES: Final = (50.0, 60.0)
+"""Nominal mains frequencies [Hz]."""
+
+WINDOW: Final = 0.1
+"""Window in which a phase is measured [s]: whole periods of each of `FREQUENCIES`."""
+
+SCANS_PER_PERIOD: Final = 2.5
+"""Least number of scans in a period with which the hum is distinguishable from other signals [1]."""
+
+PAUSE: Final = 0.5
+"""Time between two searches for hum while there is none [s]."""
+
+DETECTION: Final = 5.0
+"""Least amplitude of a hum, in standard deviations of the noise in a window [1]."""
+
+LEAST_AMPLITUDE: Final = 0.2
+"""A hum of less than this many standard deviations of a reading's noise is not subtracted [1]."""
+
+LARGEST_PHASE_CHANGE: Final = 1.0
+"""Greatest deviation of the phase from its prediction between two windows [rad]."""
+
+PHASE_GAIN: Final = 0.4
+"""Share of a window's phase error by which the phase is corrected [1]."""
+
+FREQUENCY_GAIN: Final = 0.06
+"""Share of a window's phase error by which the frequency is corrected [1]."""
+
+AMPLITUDE_GAIN: Final = 0.4
+"""Share of the common amplitude error by which all amplitudes are corrected [1]."""
+
+INDIVIDUAL_GAIN: Final = 0.1
+"""Least share of a taxel's individual error by which it is corrected [1]; at first the mean of all windows is taken."""
+
+LARGEST_STEP: Final = 0.5
+"""Greatest relative change of amplitude [1] and greatest change of phase [rad] by one window."""
+
+FEWEST: Final = 0.2
+"""Least share of untouched taxels among all working ones from which the hum is estimated [1]."""
+
+PREDICTION_TIME: Final = 5.0
+"""Time for which the phase is predicted from the last frequency [s]."""
+
+FADING: Final = 0.8
+"""Factor on the amplitude in each window after that time [1]."""
+
+TURN: Final = 2.0 * math.pi
+
+
+class MainsHum(HumFilter):
+    """Estimates and subtracts the hum of signals in any unit, scan by scan, shape [taxels].
+
+    `remove` subtracts the hum from the signals of a scan, in place, and keeps them for the estimation; required while
+    `sampling`.
+
+    State variables: cosine and sine parts of each taxel's hum [unit of the signals], phase [rad] and frequency [Hz],
+    the signals of the current window.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    rate : float
+        Scans per second [Hz].
+    noise : float
+        Standard deviation of a reading, in the unit of the signals.
+    """
+
+    def __init__(self, taxels: int, rate: float, noise: float) -> None:
+        scans = round(WINDOW * rate) if rate >= SCANS_PER_PERIOD * max(FREQUENCIES) else 0
+        super().__init__(taxels, scans)
+        self._pause = 0.0
+        self._touched = np.zeros(taxels, np.bool_)
+        # Hann window: suppresses slow changes.
+        self._weights = 2.0 / max(scans, 1) * (1.0 - np.cos(TURN * (np.arange(scans) + 0.5) / max(scans, 1)))
+        self._noise_of_window = noise * math.sqrt(3.0 / max(scans, 1))
+        self._least = LEAST_AMPLITUDE * noise
+        self._suspected: complex | None = None  # mean phasor of the free taxels in the previous window
+        self._windows = 0
+        self._predicted = 0.0  # time since the phase was last measured [s]
+
+    @property
+    def searches(self) -> bool:
+        """Whether the rate suffices to find hum."""
+        return self.scans > 0
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the hum [Hz]; NaN: no hum."""
+        return self.hum_frequency if self.present else math.nan
+
+    @property
+    def amplitude(self) -> float:
+        """Root mean square of the taxels' amplitudes, in the unit of the signals."""
+        return math.sqrt(2.0 * float(np.mean(self.parts**2)))
+
+    def forget(self) -> None:
+        """Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum."""
+        self._suspected, self._pause = None, 0.0
+        self._touched[:] = False
+
+    def close_block(self, touched: Mask, ignored: Mask, duration: float) -> None:
+        """End a block of scans; process the window when it is complete.
+
+        Parameters
+        ----------
+        touched : ndarray of bool, shape [taxels]
+            Taxels touched during the block.
+        ignored : ndarray of bool, shape [taxels]
+            Faulty taxels.
+        duration : float
+            Duration of the block [s].
+        """
+        if self._pause > 0.0:
+            self._pause -= duration
+            if self._pause <= 0.0:
+                self._start_window()
+            return
+        self._touched |= touched
+        if not self.searches or self.filled < self.scans:
+            return
+        free = ~(self._touched | ignored)
+        enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
+        if self.present:
+            self._track(free if enough else None, any_true(self._touched))
+        elif enough:
+            self._detect(free)
+        if self.present or self._suspected is not None:
+            self._start_window()
+        else:
+            self._pause, self.sampling = PAUSE, False
+
+    def _detect(self, free: Mask) -> None:
+        """Detect a persistent hum: two consecutive windows must agree."""
+        measured = {frequency: self._correlate(frequency) for frequency in FREQUENCIES}
+        common = {frequency: _phasor(parts[:, free].mean(axis=1)) for frequency, parts in measured.items()}
+        frequency = max(common, key=lambda one: abs(common[one]))
+        now, before = common[frequency], self._suspected
+        self._suspected = None
+        if abs(now) <= max(DETECTION * self._noise_of_window / math.sqrt(np.count_nonzero(free)), self._least):
+            return
+        if before is None or self.hum_frequency != frequency:
+            self._suspected, self.hum_frequency = now, frequency
+            return
+        phase_change = np.angle(now / before)
+        if abs(phase_change) > LARGEST_PHASE_CHANGE:
+            self._suspected = now
+            return
+        self.present = True
+        parts = measured[frequency]
+        self.parts[:] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
+        self.hum_frequency += phase_change / (TURN * self.time)
+        self._windows, self._predicted = 1, 0.0
+
+    def _track(self, free: Mask | None, touched: bool) -> None:
+        """Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches."""
+        if free is None:
+            self._predicted += self.time
+            if self._predicted > PREDICTION_TIME:
+                self._scale(FADING)
+            return
+        self._predicted = 0.0
+        residual, parts = self._correlate(self.hum_frequency), self.parts
+        power = float(np.sum(parts[:, free] ** 2))
+        if power == 0.0:
+            self._reset()
+            return
+        in_phase = float(np.sum(parts[:, free] * residual[:, free])) / power
+        lead = float(np.sum(parts[0, free] * -residual[1, free] + parts[1, free] * residual[0, free])) / power
+        error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
+        self.phase += PHASE_GAIN * error
+        self.hum_frequency += FREQUENCY_GAIN * error / (TURN * self.time)
+        if touched:
+            return
+        self._windows += 1
+        individual = residual - in_phase * parts - lead * np.stack([parts[1], -parts[0]])
+        parts += max(1.0 / self._windows, INDIVIDUAL_GAIN) * np.where(free, individual, 0.0)
+        self._scale(1.0 + AMPLITUDE_GAIN * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP))
+
+    def _scale(self, factor: float) -> None:
+        """Scale all amplitudes; drop the hum when it becomes negligible."""
+        np.multiply(self.parts, factor, out=self.parts)
+        if self.amplitude < 0.5 * self._least:
+            self._reset()
+
+    def _reset(self) -> None:
+        self.clear()
+        self._suspected = None
+
+    def _start_window(self) -> None:
+        self.start_window()
+        self._touched[:] = False
+        self._pause = 0.0
+
+    def _correlate(self, frequency: float) -> Array:
+        """Return the cosine and sine parts of the window's signals at a frequency [Hz], shape [2, taxels]."""
+        angle = self.phase + TURN * frequency * self.times
+        parts: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self.window
+        return parts
+
+
+def _phasor(parts: Array) -> complex:
+    """Return cosine and sine parts as a phasor, whose angle is the phase lead."""
+    return complex(parts[0], -parts[1])
