@@ -25,6 +25,7 @@ from posfet.ros_arguments import split
 from posfet.web.options import add_web_arguments, chosen_port
 from posfet_model.command_line import positive
 from posfet_model.ros.exit_codes import exit_code
+from posfet_model.ros.on_demand import load_on_demand
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -114,6 +115,7 @@ def main(words: Sequence[str] | None = None) -> int:
             return 0
         arguments = parse(options.arguments)
         specs = graph(arguments, arguments["params_file"] or default_params_file(), ros_arguments)
+        load_on_demand()
         return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds, chosen_port(options)))
 
     return exit_code(run)

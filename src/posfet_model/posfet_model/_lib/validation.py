@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any, TypeVar
 
 import numpy as np
@@ -90,9 +91,9 @@ def real_values(name: str, value: ArrayLike) -> FloatArray:
 
 def _masked(value: object) -> bool:
     """Return whether `value` is a masked array, or a list or tuple of some."""
-    if isinstance(value, (list, tuple)):
-        return any(isinstance(part, np.ma.MaskedArray) for part in value)
-    return isinstance(value, np.ma.MaskedArray)
+    masked = sys.modules.get("numpy.ma")  # loaded by whoever makes a masked array
+    parts = value if isinstance(value, (list, tuple)) else (value,)
+    return masked is not None and any(isinstance(part, masked.MaskedArray) for part in parts)
 
 
 def real_number(

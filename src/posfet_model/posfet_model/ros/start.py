@@ -15,6 +15,8 @@ import sys
 from importlib import import_module
 from typing import Final
 
+from posfet_model.ros.on_demand import load_on_demand
+
 PARENT: Final = "POSFET_PARENT"
 """Environment variable with the id of the process whose end also ends this one."""
 BLAS_THREADS: Final = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
@@ -65,6 +67,7 @@ def run(module: str) -> None:
     exit_on_signal()
     exit_with_parent()
     limit_blas_threads()
+    load_on_demand()
     import_module(module).main()
 
 
