@@ -50,7 +50,7 @@ CHECK_READY := .venv/.check_ready
 setup: $(READY)
 endif
 
-.venv/.ready: tools/setup.sh tools/relocate.py tools/venv_setup.bash tools/requirements.txt
+.venv/.ready: tools/setup.sh tools/relocate.py tools/venv_setup.bash tools/requirements.txt tools/uv_overrides.txt
 	@tools/setup.sh
 
 build: $(BUILT)

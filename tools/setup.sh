@@ -64,7 +64,8 @@ install_requirements() {
     [[ ! -t 2 ]] || quiet= # it draws bars
     "${pip[@]}" "uv==$UV"
     # shellcheck disable=SC2086  # no option, or one
-    .venv/bin/uv pip install $quiet --python .venv/bin/python --requirement tools/requirements.txt ||
+    .venv/bin/uv pip install $quiet --python .venv/bin/python --override tools/uv_overrides.txt \
+        --requirement tools/requirements.txt ||
         { # it does not read pip's configuration: another index, for instance
             echo "posfet: uv has failed, as the lines above say: pip installs the packages, which takes some minutes"
             "${pip[@]}" --requirement tools/requirements.txt

@@ -94,8 +94,8 @@ def test_symbolic_links_are_replaced_and_never_followed(tmp_path: Path, monkeypa
     (tmp_path / "cal.yaml").symlink_to(victim)
     write_text(tmp_path / "cal.yaml", "new")
     assert not (tmp_path / "cal.yaml").is_symlink()
-    monkeypatch.setattr(files.secrets, "token_hex", lambda _: "known")  # as if the name could be predicted
-    (tmp_path / ".posfet-known.part").symlink_to(victim)
+    monkeypatch.setattr(files.os, "urandom", lambda _: b"known")  # as if the name could be predicted
+    (tmp_path / f".posfet-{b'known'.hex()}.part").symlink_to(victim)
     with pytest.raises(FileExistsError):
         write_text(tmp_path / "cal.yaml", "newer")
     assert victim.read_text() == "precious"

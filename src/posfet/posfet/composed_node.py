@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from importlib import import_module
 from typing import Any, Final
 
@@ -22,9 +23,6 @@ from posfet.display_loop import display, show
 from posfet.graph import NodeSpec
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
-from posfet.web.link import served_link
-from posfet.web.recording import Recording
-from posfet.web.viewed import Viewed
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.ros.model_node import ModelNode
@@ -165,6 +163,15 @@ def _view(contact: Contact) -> ContactView:
     )
 
 
+def _served(stack: ExitStack, client: StackClient, graph: Graph, port: int) -> str:
+    """Return the link to the browser view, which is served until the stack of contexts ends."""
+    from posfet.web.link import served_link  # noqa: PLC0415  # a start without a page needs neither this
+    from posfet.web.recording import Recording  # noqa: PLC0415  # nor this
+    from posfet.web.viewed import Viewed  # noqa: PLC0415  # nor this
+
+    return served_link(stack, [Viewed(client, graph, Recording(client.namespace))], port)
+
+
 def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) -> int:
     """Run the graph and display it for `seconds` [s] or until Ctrl-C, and return the exit code.
 
@@ -184,7 +191,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
         stack.callback(graph.destroy)
         client = StackClient(specs[0].namespace, specs[0].ros_words)
         stack.callback(client.destroy_node)
-        link = served_link(stack, [Viewed(client, graph, Recording(client.namespace))], web_port)
+        link = "" if web_port is None else _served(stack, client, graph, web_port)
         with display(graph, client, link) as screen:
             graph.start()
             return show(screen, [*graph, client], seconds, graph.state, lambda: graph.finished)

@@ -13,13 +13,16 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
 from posfet.lines import Lines
 from posfet.snapshot import SnapshotSource
-from posfet.web.viewed import Client
 from posfet_model.ros.run_node import spin
+
+if TYPE_CHECKING:
+    from posfet.web.viewed import Client
 
 NO_SCAN = 1
 

@@ -53,7 +53,6 @@ from posfet_sim.parameters import (
     SCENE,
     SIM_BOARD_NODE,
 )
-from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.scene import load_scene
 
 NODES: Final = {
@@ -182,6 +181,8 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
 
 def _replayed(arguments: Mapping[str, str], sensor: Sensor) -> bool:
     """Return whether the recording is that of a simulated board; raise ConfigError if it has no scans of the sensor."""
+    from posfet_sim.recording.recorded_scans import RecordedScans  # noqa: PLC0415  # other starts need no MCAP
+
     path = arguments[REPLAY_FILE.name]
     if not path:
         raise ConfigError("replay_file: is missing; source:=replay needs replay_file:=<file.mcap>")

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
 
@@ -285,6 +284,8 @@ class Section:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the question for the most similar of known names, with a space at the end; '' if none is similar."""
+    from difflib import get_close_matches  # noqa: PLC0415  # good input needs it never
+
     close = get_close_matches(name, list(known), n=1, cutoff=0.7)
     return f"did you mean {close[0]}? " if close else ""
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import stat
 from pathlib import Path
 from typing import Final
@@ -102,7 +101,7 @@ def write_text(path: str | Path, text: str) -> None:
         raise OSError(errno.EINVAL, "not a file name") from error
     try:
         _check_no_device(path.name, folder)
-        part = _PART.format(secrets.token_hex(8))
+        part = _PART.format(os.urandom(8).hex())
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         descriptor = os.open(part, flags, 0o666, dir_fd=folder)
         try:
