@@ -9,7 +9,7 @@
 
     python3 tools/newcomer.py
 
-The repository is cloned into a temporary folder, with an empty home and no cache of pip. The commands are those of the
+The repository is cloned into a temporary folder, with an empty home and no cache of pip or uv. The commands are those of the
 documents: one that is no longer there ends the run. Needs what the README asks for, and nothing of this repository.
 """
 
