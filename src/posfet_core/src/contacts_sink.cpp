@@ -13,38 +13,25 @@ namespace posfet {
 
 Taken ContactsSink::take(const Scan& scan) {
   const std::scoped_lock lock(mutex_);
-  if (closed_ || is_for_python(scan)) {
+  if (closed_) {
     return Taken::kRefused;
   }
-  if (!path_.receive(scan)) {
+  if (!reconstructor_.process(scan)) {
     return Taken::kTaken;
   }
-  path_.begin(scan);
-  path_.finish();
   failed_ = publishing_.publisher != nullptr && !publish();
-  return failed_ || path_.is_block_due(block_) ? Taken::kLast : Taken::kTaken;
+  reconstructor_.run_maintenance();
+  return failed_ ? Taken::kLast : Taken::kTaken;
 }
 
 bool ContactsSink::take_failure() { return std::exchange(failed_, false); }
 
-/// Whether a block is due before the scan, or the estimator has to start with it.
-bool ContactsSink::is_for_python(const Scan& scan) const {
-  if (path_.is_block_due(block_) || !path_.integration().block().started) {
-    return true;
-  }
-  ScanClock clock = path_.clock();
-  if (!clock.fits(scan) || !clock.is_new(scan)) {
-    return false;
-  }
-  clock.admit(scan);
-  return clock.interrupted();
-}
-
 /// Publish the contacts of the newest scan; return whether that was done.
 bool ContactsSink::publish() {
-  const ScanResult& result = path_.result();
-  const std::vector<std::uint8_t>& data = writer_.write(result.stamp, result.sequence, result.valid, path_.contacts(),
-                                                        path_.shows_released(), path_.motions());
+  const ScanPath& path = reconstructor_.path();
+  const ScanResult& result = path.result();
+  const std::vector<std::uint8_t>& data = writer_.write(result.stamp, result.sequence, result.valid, path.contacts(),
+                                                        path.shows_released(), path.motions());
   SerializedMessage message;
   message.buffer = data.data();
   message.length = message.capacity = data.size();

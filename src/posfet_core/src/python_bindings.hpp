@@ -27,6 +27,9 @@ void bind_scan_path(const pybind11::module_& module);
 /// Belief and filter of the force errors, at the end of every block.
 void bind_estimation(const pybind11::module_& module);
 
+/// The end of a block, and the order of scans and blocks.
+void bind_blocks(const pybind11::module_& module);
+
 /// What takes scans without Python, and the mutex that it shares with Python.
 void bind_sink(const pybind11::module_& module);
 

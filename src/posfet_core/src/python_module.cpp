@@ -272,6 +272,7 @@ PYBIND11_MODULE(scan_path, module) {
   posfet::bind_hum(module);
   posfet::bind_faults(module);
   posfet::bind_scan_path(module);
+  posfet::bind_blocks(module);
   posfet::bind_sink(module);
   module.attr("INTERPOLATION_UNCERTAINTY") = posfet::kInterpolationUncertainty;
   module.attr("ENTER_DEVIATIONS") = posfet::kEnterDeviations;

@@ -26,27 +26,6 @@ namespace posfet {
 
 namespace {
 
-/// Process a scan of Python. `close_block` is called before where a block has lasted for `duration` [s]; `start` where
-/// the estimator has to start with the scan: with its charge densities, and whether that is after an interruption.
-/// Returns whether the scan was accepted, was unusable, is valid, why not, and the number of saturated taxels.
-py::tuple process(const py::object& self, const py::object& object, double duration, const py::object& close_block,
-                  const py::object& start) {
-  auto& path = self.cast<ScanPath&>();
-  const PythonScan scan(object);
-  if (path.receive(scan.scan())) {
-    if (path.is_block_due(duration)) {
-      close_block();
-    }
-    if (!path.begin(scan.scan())) {
-      start(view_of(path.charge().data(), {static_cast<py::ssize_t>(path.taxels())}, self), path.clock().interrupted());
-    }
-    path.finish();
-  }
-  const ScanResult& result = path.result();
-  return py::make_tuple(result.accepted, result.unusable, result.valid, static_cast<int>(result.reasons),
-                        result.saturated);
-}
-
 py::tuple result_of(const ScanPath& path) {
   const ScanResult& result = path.result();
   return py::make_tuple(result.accepted, result.unusable, result.valid, static_cast<int>(result.reasons),
@@ -72,7 +51,8 @@ void set_faulty(ScanPath& path, const Flags& unlisted, const Flags& interpolated
 }
 
 void bind_path(const py::module_& module) {
-  py::class_<ScanPath>(module, "ScanPath", "Forces and contacts of one sensor, scan by scan.")
+  py::class_<ScanPath, std::shared_ptr<ScanPath>>(module, "ScanPath",
+                                                  "Forces and contacts of one sensor, scan by scan.")
       .def(py::init([](std::shared_ptr<ScanClock> clock, std::shared_ptr<CrosstalkCompensator> crosstalk,
                        std::shared_ptr<BurstDetector> bursts, std::shared_ptr<HumFilter> hum,
                        std::shared_ptr<ForceIntegration> integration, std::shared_ptr<CountHistory> history,
@@ -83,7 +63,7 @@ void bind_path(const py::module_& module) {
              ScanParts parts{std::move(clock),  std::move(crosstalk),   std::move(bursts),
                              std::move(hum),    std::move(integration), std::move(history),
                              std::move(finder), std::move(tracker),     std::move(channel)};
-             return std::make_unique<ScanPath>(
+             return std::make_shared<ScanPath>(
                  std::move(parts),
                  InverseSignalChain{volts_of_zero, volts_per_count, gain, amplifier_offset, capacitance, saturated_low,
                                     saturated_high},
@@ -94,12 +74,23 @@ void bind_path(const py::module_& module) {
            py::arg("volts_of_zero"), py::arg("volts_per_count"), py::arg("gain"), py::arg("amplifier_offset"),
            py::arg("capacitance"), py::arg("saturated_low"), py::arg("saturated_high"), py::arg("offset"),
            py::arg("informative"))
-      .def("process", &process, py::arg("scan"), py::arg("duration"), py::arg("close_block"), py::arg("start"),
-           "Process a scan; return whether it was accepted, unusable, valid, why not, and how many taxels are "
-           "saturated.")
-      .def_property_readonly("result", &result_of, "Of the newest scan what `process` returns, its stamp and sequence.")
-      .def("is_block_due", &ScanPath::is_block_due, py::arg("duration"),
-           "Return whether a block has lasted that long [s].")
+      .def(
+          "receive", [](ScanPath& path, const py::object& scan) { return path.receive(PythonScan(scan).scan()); },
+          py::arg("scan"), "Take a scan; return whether it is neither duplicate nor late.")
+      .def(
+          "begin", [](ScanPath& path, const py::object& scan) { return path.begin(PythonScan(scan).scan()); },
+          py::arg("scan"), "Process the scan up to its forces; return whether it has a predecessor.")
+      .def("finish", &ScanPath::finish, "Find and follow the contacts of the scan that was begun.")
+      .def_property_readonly(
+          "charge",
+          [](const py::object& self) {
+            auto& path = self.cast<ScanPath&>();
+            return view_of(path.charge().data(), {static_cast<py::ssize_t>(path.taxels())}, self);
+          },
+          "Charge densities of the scan after compensation [C/m2].")
+      .def_property_readonly("result", &result_of,
+                             "Whether the newest scan was accepted, unusable, is valid, why not, how many taxels are "
+                             "saturated, its stamp and sequence.")
       .def_property_readonly("contacts", &contacts_of, "Contacts of the result, a new tuple.")
       .def_property_readonly(
           "motions", [](const ScanPath& path) { return to_python(path.motions()); },

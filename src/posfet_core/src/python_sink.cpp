@@ -48,8 +48,8 @@ void bind_sink(const py::module_& module) {
       .def("__enter__", [](std::mutex& mutex) { acquire(mutex); })
       .def("__exit__", [](std::mutex& mutex, const py::args& /*error*/) { mutex.unlock(); });
   py::class_<ContactsSink>(module, "ContactsSink", "Takes scans without Python, and publishes their contacts.")
-      .def(py::init<ScanPath&, ContactsWriter&, std::mutex&, double>(), py::arg("path"), py::arg("writer"),
-           py::arg("mutex"), py::arg("block"), py::keep_alive<1, 2>(), py::keep_alive<1, 3>(), py::keep_alive<1, 4>())
+      .def(py::init<Reconstructor&, ContactsWriter&, std::mutex&>(), py::arg("reconstructor"), py::arg("writer"),
+           py::arg("mutex"), py::keep_alive<1, 2>(), py::keep_alive<1, 3>(), py::keep_alive<1, 4>())
       .def("publish_with", &publish_with, py::arg("publish"), py::arg("reset_error"), py::arg("publisher"),
            "Set the addresses of rcl's functions and of the publisher; 0: no publisher.")
       .def("close", &ContactsSink::close, "Refuse all further scans.")

@@ -12,7 +12,7 @@
 #include <mutex>
 
 #include "posfet_core/contacts_cdr.hpp"
-#include "posfet_core/scan_path.hpp"
+#include "posfet_core/reconstructor.hpp"
 #include "posfet_core/scan_sink.hpp"
 
 namespace posfet {
@@ -34,12 +34,12 @@ struct Publishing {
   const void* publisher = nullptr;  ///< Null: nobody subscribes.
 };
 
-/// Takes the scans of a path that needs nothing but the next scan. What it refers to belongs to the caller.
+/// Takes the scans of a reconstructor. What it refers to belongs to the caller.
 class ContactsSink {
 public:
-  /// `mutex` is held while a scan is processed; a block is due after `block` [s].
-  ContactsSink(ScanPath& path, ContactsWriter& writer, std::mutex& mutex, double block)
-      : path_(path), writer_(writer), mutex_(mutex), block_(block) {}
+  /// `mutex` is held while a scan is processed.
+  ContactsSink(Reconstructor& reconstructor, ContactsWriter& writer, std::mutex& mutex)
+      : reconstructor_(reconstructor), writer_(writer), mutex_(mutex) {}
 
   ContactsSink(const ContactsSink&) = delete;
   ContactsSink& operator=(const ContactsSink&) = delete;
@@ -50,7 +50,8 @@ public:
   /// Refuse all further scans; with the mutex held.
   void close() { closed_ = true; }
 
-  /// Process a scan and publish its contacts. It is refused when a block is due, and when forces have to start with it.
+  /// Process a scan and publish its contacts, then close a block that is due. It is the last one when they could not be
+  /// published.
   Taken take(const Scan& scan);
 
   /// Whether the contacts of the newest scan could not be published; forgotten by the question.
@@ -59,13 +60,11 @@ public:
   const ScanSink& sink() const { return sink_; }
 
 private:
-  bool is_for_python(const Scan& scan) const;
   bool publish();
 
-  ScanPath& path_;
+  Reconstructor& reconstructor_;
   ContactsWriter& writer_;
   std::mutex& mutex_;
-  double block_;
   Publishing publishing_;
   bool closed_ = false;
   bool failed_ = false;

@@ -9,8 +9,8 @@
 ///
 /// counts -> charge and saturation -> plausibility -> burst -> offset, crosstalk -> mains hum -> inverse of the leakage
 /// and sums of the block -> uniform changes -> history for the tests of the taxels -> thresholds -> regions ->
-/// contacts -> tracking -> vibration and slip. What is estimated at the end of a block (20 ms) is set by the caller in
-/// the parts, which the caller shares; it must not do so while another thread processes a scan.
+/// contacts -> tracking -> vibration and slip. What is estimated at the end of a block (20 ms) is set in the parts,
+/// which are shared (block_end.hpp), and not while another thread processes a scan.
 #pragma once
 
 #include <cstdint>
@@ -89,10 +89,7 @@ public:
 
   const ScanResult& result() const { return result_; }
 
-  /// Whether a block has lasted for `duration` [s].
-  bool is_block_due(double duration) const { return parts_.integration->block().elapsed >= duration; }
   const ScanClock& clock() const { return *parts_.clock; }
-  const ForceIntegration& integration() const { return *parts_.integration; }
 
   /// Contacts of the result, ascending by id; released ones count only where `shows_released`.
   const Vector<Contact>& contacts() const { return parts_.tracker->contacts(); }

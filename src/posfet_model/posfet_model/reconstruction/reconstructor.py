@@ -7,8 +7,8 @@
 
 """Hot path of the model: a scan in, forces and contacts out.
 
-What happens in every scan is one call of the compiled path (`posfet_core`, scan_path.hpp), whose parts are shared with
-what is done here every 20 ms: estimation, tests of the taxels, thresholds.
+Compiled: `posfet_core`, reconstructor.hpp. What happens in every scan is in scan_path.hpp, what every 20 ms in
+block_end.hpp: tests of the taxels, mains hum, estimation, thresholds.
 """
 
 from __future__ import annotations
@@ -199,19 +199,15 @@ class Reconstructor:
         self._finder.set_thresholds(settings.contact or sensor.contact)
         self._tracker = ContactTracker(sensor)
         self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
-        self._detects_faults = settings.fault_detection
-        self._estimator.ignore(self._faults.faulty)
         self._bursts = BurstDetector(sensor)
-        pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
-        self._contact_margin = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
         self._path = self._make_path()
         self._saturated, self._filled, self._interpolated = (
             self._path.saturated, self._path.filled, self._path.interpolated
         )  # fmt: skip
+        self._block_end = self._make_block_end()
+        self._block_end.detects_faults = settings.fault_detection
+        self._compiled = scan_path.Reconstructor(self._path, self._block_end)
         self._variance = np.zeros(taxels)
-        self._informative = sensor.contact.threshold / ENTER_DEVIATIONS
-        self._choose_interpolated()
-        self._set_thresholds()
         self._result = _LastResult(self._path)
         self._image = ForceImage.unknown(taxels)
 
@@ -239,6 +235,20 @@ class Reconstructor:
             saturated_high=high,
             offset=self.calibration.offset * charge_per_newton(sensor) / sensor.volts_per_newton,
             informative=INFORMATIVE * self._noise,
+        )
+
+    def _make_block_end(self) -> scan_path.BlockEnd:
+        """Return what closes the blocks of the path."""
+        layout, spread = self._sensor.layout, self._sensor.device.contact_spread
+        return scan_path.BlockEnd(
+            path=self._path,
+            estimator=scan_path.PythonForceEstimator(self._estimator, self._estimator.integration, BLOCK),
+            faults=self._faults,
+            bursts=self._bursts,
+            hum=self._hum,
+            finder=self._finder,
+            margin=math.ceil(3.0 * spread / min(layout.pitch_x, layout.pitch_y)) + 1,
+            informative=self._sensor.contact.threshold / ENTER_DEVIATIONS,
         )
 
     @property
@@ -294,7 +304,7 @@ class Reconstructor:
     @property
     def maintenance_due(self) -> bool:
         """Whether `run_maintenance` has work to do."""
-        return self._path.is_block_due(BLOCK)
+        return self._compiled.maintenance_due
 
     def process(self, scan: Scan) -> Reconstruction:
         """Process one scan.
@@ -310,20 +320,13 @@ class Reconstructor:
             Result; overwritten by the next call.
         """
         result = self._result
-        accepted, unusable, valid, reasons, saturated = self._path.process(scan, BLOCK, self._close_block, self._start)
+        accepted, unusable, valid, reasons, saturated = self._compiled.process(scan)
         result.accepted, result.unusable = accepted, unusable
         if accepted or unusable:
             result.stamp, result.sequence = scan.stamp, scan.sequence
             result.valid, result.reasons, result.saturated = valid, _REASONS[reasons], saturated
             result.forget()
         return result
-
-    def _start(self, charge: NDArray[np.float64], interrupted: bool) -> None:
-        """Start with a scan of these charge densities [C/m2] that has no predecessor."""
-        if interrupted:
-            self._estimator.interrupt()
-            self._hum.forget()
-        self._estimator.start(charge)
 
     def make_sink(self, writer: ContactsWriter, mutex: scan_path.Mutex) -> scan_path.ContactsSink:
         """Return what takes scans without Python in place of `process`; what it has done is shown after `refresh`.
@@ -335,7 +338,7 @@ class Reconstructor:
         mutex : Mutex
             Held while a scan is processed.
         """
-        return scan_path.ContactsSink(self._path, writer, mutex, BLOCK)
+        return scan_path.ContactsSink(self._compiled, writer, mutex)
 
     def refresh(self) -> Reconstruction:
         """Return the result of the last scan, also of one that a sink has taken; overwritten by the next scan."""
@@ -352,8 +355,7 @@ class Reconstructor:
 
         Every 20 ms baselines are corrected and taxels tested, which takes several times as long as a scan.
         """
-        if self.maintenance_due:
-            self._close_block()
+        self._compiled.run_maintenance()
 
     def change(self, settings: ReconstructionSettings) -> None:
         """Use other settings from the next scan on, without an interruption of forces and contacts.
@@ -376,11 +378,11 @@ class Reconstructor:
             raise ValueError("priors must be as before: they are used when the estimator is made")
         if settings.hum_removal != before.hum_removal:
             self._hum = self._make_hum(settings)
-            self._path.set_hum(self._hum)
+            self._block_end.set_hum(self._hum)
         self._estimator.max_relative_uncertainty = settings.max_relative_uncertainty
-        self._detects_faults = settings.fault_detection
+        self._block_end.detects_faults = settings.fault_detection
         self._finder.set_thresholds(settings.contact or self._sensor.contact)
-        self._set_thresholds()
+        self._block_end.set_thresholds()
 
     def _make_hum(self, settings: ReconstructionSettings) -> MainsHum:
         rate = self._sensor.can.scan_rate if settings.hum_removal else 0.0  # too low to find hum
@@ -419,7 +421,7 @@ class Reconstructor:
     def _tare(self, forced: bool) -> Tare:
         """Set the forces to zero."""
         change = self._estimator.tare(forced)
-        self._set_thresholds()
+        self._block_end.set_thresholds()
         largest = int(np.abs(change).argmax())
         moved = float(change[largest])
         return Tare(True, f"baseline shifted by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
@@ -522,48 +524,6 @@ class Reconstructor:
             force = self._estimator.force[members]
             if force.min(initial=0.0) < 0.0:
                 self._image.force[members] = non_negative(force, self._variance[members])
-
-    def _close_block(self) -> None:
-        """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
-        self.refresh()
-        estimator, faults = self._estimator, self._faults
-        near = self._finder.dilated(self._finder.touched, self._contact_margin)
-        variance = estimator.variance(self._variance)
-        mean, charge = estimator.block_mean, estimator.residual_charge
-        if not self._detects_faults:
-            faults.measure_noise(estimator.block_time, self._saturated, near)
-        elif faults.close_block(
-            estimator.block_time, mean, variance, charge, self._saturated, near, estimator.offset_known
-        ):
-            estimator.ignore(faults.faulty)
-        estimator.set_noise_variance(faults.noise_variance)
-        self._bursts.set_usual_change(faults.usual_change)
-        self._hum.close_block(self._finder.touched, faults.faulty | self._saturated, estimator.block_time)
-        contacts = [contact.region.taxels for contact in self._result.contacts]
-        estimator.close_block(self._finder.touched, contacts)
-        self._choose_interpolated()
-        self._set_thresholds()
-
-    def _choose_interpolated(self) -> None:
-        """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
-        faults = self._faults
-        if not faults.any_faulty:
-            self._path.set_faulty(None, None)
-            return
-        informative = faults.informative(self._informative) & self._estimator.offset_known
-        self._estimator.informative[:] = informative
-        self._path.set_faulty(faults.faulty, faults.faulty & ~informative)
-
-    def _set_thresholds(self) -> None:
-        """Set the contact thresholds by the uncertainty of the forces, and that uncertainty itself."""
-        estimator = self._estimator
-        self._path.set_variance(estimator.force_variance(self._variance))
-        self._variance = estimator.variance(self._variance)
-        self._variance[self._interpolated] = 0.0  # their forces are interpolated
-        usable = (
-            None if estimator.valid and not self._faults.any_faulty else estimator.offset_known | self._interpolated
-        )
-        self._finder.update_thresholds(estimator.force, self._variance, usable)
 
 
 def _interpolation_variance(force: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,30 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/reconstructor.hpp"
+
+namespace posfet {
+
+bool Reconstructor::process(const Scan& scan) {
+  if (!path_->receive(scan)) {
+    return false;
+  }
+  run_maintenance();
+  if (!path_->begin(scan)) {
+    block_end_->start();
+  }
+  path_->finish();
+  return true;
+}
+
+void Reconstructor::run_maintenance() {
+  if (block_end_->due()) {
+    block_end_->close();
+  }
+}
+
+}  // namespace posfet
