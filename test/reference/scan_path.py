@@ -90,14 +90,27 @@ class ScanPath:
         """Set the variance of each force that it does not share with others [N2]."""
         self._variance = variance
 
-    def process(self, scan: Scan, start: Callable[[Array, bool], None]) -> tuple[bool, bool, bool, int, int]:
-        """Process a scan; return what the compiled path returns."""
+    def process(
+        self, scan: Scan, start: Callable[[Array, bool], None], end_block: Callable[[], None] = lambda: None
+    ) -> tuple[bool, bool, bool, int, int]:
+        """Process a scan; return what the compiled path returns. `end_block` is called before it changes anything.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan.
+        start : callable
+            Starts with the charges of a scan that has no predecessor; whether that is after an interruption.
+        end_block : callable, optional
+            Closes a block that is due.
+        """
         clock, integration = self.clock, self.integration
         _, _, valid, reasons, before = self.result
         fits = clock.fits(scan)
         if fits and not clock.is_new(scan):
             self.result = False, False, valid, reasons, before
             return self.result
+        end_block()
         accepted = fits and clock.is_sound(scan) and self._plausible(scan) and not self._has_burst(scan)
         self.blank = not accepted
         if not accepted:
