@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""The filter of the force errors as it was in Python, with which `posfet_core.estimation` agrees.
+"""The filter of the force errors as it was in Python, with which `posfet_core` agrees.
 
 Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i, p_i), error of the
 force, offset of the signal, small force beside a contact and relative error of the pyroelectric response of taxel i,

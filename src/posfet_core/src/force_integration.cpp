@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "posfet_core/medians.hpp"
+
 namespace posfet {
 
 namespace {
@@ -26,17 +28,6 @@ constexpr double kTiny = 1e-20;
 
 /// Mean of exp(-x*s) over s in [0, 1].
 double mean_decay(double x) { return std::abs(x) < kTiny ? 1.0 : -std::expm1(-x) / x; }
-
-/// Median of values, which are put in another order; there is at least one.
-double median(std::vector<double>& values) {
-  const auto half = static_cast<std::ptrdiff_t>(values.size() / 2);
-  const auto middle = values.begin() + half;
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) {
-    return *middle;
-  }
-  return 0.5 * (*std::max_element(values.begin(), middle) + *middle);
-}
 
 }  // namespace
 

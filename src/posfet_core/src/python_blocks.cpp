@@ -5,16 +5,13 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
-#include <algorithm>
 #include <memory>
 #include <utility>
 
 #include "posfet_core/block_end.hpp"
 #include "posfet_core/reconstructor.hpp"
-#include "python_arrays.hpp"
 #include "python_bindings.hpp"
 #include "python_scan.hpp"
 
@@ -22,107 +19,7 @@ namespace posfet {
 
 namespace {
 
-/// The estimator of posfet_model/estimation/force_estimator.py, called by a thread with or without the interpreter.
-class PythonForceEstimator final : public ForceEstimator {
-public:
-  PythonForceEstimator(py::object estimator, std::shared_ptr<ForceIntegration> integration, double duration)
-      : estimator_(std::move(estimator)),
-        integration_(std::move(integration)),
-        duration_(duration),
-        informative_(integration_->taxels()) {}
-
-  std::size_t taxels() const override { return integration_->taxels(); }
-  ForceIntegration& integration() override { return *integration_; }
-  const ForceIntegration& integration() const override { return *integration_; }
-  double block_duration() const override { return duration_; }
-  TaxelFlags& informative() override { return informative_; }
-
-  std::size_t restarts() const override {
-    const py::gil_scoped_acquire interpreter;
-    return py::cast<std::size_t>(estimator_.attr("restarts"));
-  }
-
-  void start(const double* charge) override {
-    const py::gil_scoped_acquire interpreter;
-    estimator_.attr("start")(array(charge));
-  }
-
-  void interrupt() override {
-    const py::gil_scoped_acquire interpreter;
-    estimator_.attr("interrupt")();
-  }
-
-  void close_block(const bool* touched, const std::vector<const Taxels*>& contacts) override {
-    const py::gil_scoped_acquire interpreter;
-    py::list listed;
-    for (const Taxels* taxels : contacts) {
-      listed.append(array_of(*taxels));
-    }
-    estimator_.attr("informative") = array(informative_.data());
-    estimator_.attr("close_block")(array(touched), listed);
-  }
-
-  void ignore(const bool* faulty) override {
-    const py::gil_scoped_acquire interpreter;
-    estimator_.attr("ignore")(array(faulty));
-  }
-
-  void set_noise_variance(const double* variance) override {
-    const py::gil_scoped_acquire interpreter;
-    estimator_.attr("set_noise_variance")(array(variance));
-  }
-
-  void block_mean(double* out) const override {
-    const py::gil_scoped_acquire interpreter;
-    copy(estimator_.attr("block_mean"), out);
-  }
-
-  void residual_charge(double* out) const override {
-    const py::gil_scoped_acquire interpreter;
-    copy(estimator_.attr("residual_charge"), out);
-  }
-
-  void force_variance(double* out) const override {
-    const py::gil_scoped_acquire interpreter;
-    copy(estimator_.attr("force_variance")(py::array_t<double>(count())), out);
-  }
-
-  void variance(double* out) const override {
-    const py::gil_scoped_acquire interpreter;
-    copy(estimator_.attr("variance")(py::array_t<double>(count())), out);
-  }
-
-  void tare(bool forced, double* change) override {
-    const py::gil_scoped_acquire interpreter;
-    copy(estimator_.attr("tare")(forced), change);
-  }
-
-private:
-  py::ssize_t count() const { return static_cast<py::ssize_t>(taxels()); }
-
-  template <typename Value>
-  py::array_t<Value> array(const Value* values) const {
-    return py::array_t<Value>(count(), values);
-  }
-
-  static void copy(const py::object& object, double* out) {
-    const auto values = py::cast<Values>(object);
-    std::copy(values.data(), values.data() + values.size(), out);
-  }
-
-  py::object estimator_;
-  std::shared_ptr<ForceIntegration> integration_;
-  double duration_;
-  TaxelFlags informative_;
-};
-
 void bind_block_end(const py::module_& module) {
-  const py::class_<ForceEstimator, std::shared_ptr<ForceEstimator>> base(module, "ForceEstimator",
-                                                                         "Forces of all taxels.");
-  py::class_<PythonForceEstimator, ForceEstimator, std::shared_ptr<PythonForceEstimator>>(
-      module, "PythonForceEstimator", "An estimator in Python.")
-      .def(py::init<py::object, std::shared_ptr<ForceIntegration>, double>(), py::arg("estimator"),
-           py::arg("integration"), py::arg("duration"));
   py::class_<BlockEnd, std::shared_ptr<BlockEnd>>(module, "BlockEnd", "Closes the blocks of one path.")
       .def(py::init([](std::shared_ptr<ScanPath> path, std::shared_ptr<ForceEstimator> estimator,
                        std::shared_ptr<TaxelFaultDetector> faults, std::shared_ptr<BurstDetector> bursts,

@@ -19,6 +19,7 @@ from posfet_core import scan_path
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.estimation.force_error_filter import OWN, start_belief
 from reference import force_error_filter as plain
+from reference.estimation.error_states import start_covariance, start_mean
 
 Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")
@@ -197,8 +198,8 @@ def test_arrays_of_another_shape_are_refused() -> None:
 
 def test_a_covariance_that_is_not_positive_is_refused() -> None:
     priors = ErrorPriors()
-    covariance = priors.covariance()
+    covariance = start_covariance(priors)
     covariance[0, 1] = covariance[1, 0] = 1.0  # beyond a correlation of 1
-    compiled = scan_path.ForceErrorFilter(start_belief(2, priors.mean(), covariance))
+    compiled = scan_path.ForceErrorFilter(start_belief(2, start_mean(priors), covariance))
     with pytest.raises(ValueError, match="a covariance must be positive"):
         compiled.covariance_root(np.zeros((2, COUNT)))

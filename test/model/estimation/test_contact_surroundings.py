@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posfet_model.estimation.contact_surroundings import DIAGONAL, ContactSurroundings
 from posfet_model.estimation.error_states import ErrorPriors
 from posfet_model.sensor.description import load_sensor
 from reference.dense_pressure import sphere_forces
+from reference.estimation.contact_surroundings import DIAGONAL, ContactSurroundings
 
 SENSOR = load_sensor()
 LAYOUT = SENSOR.layout

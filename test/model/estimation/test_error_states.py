@@ -18,8 +18,9 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared, SharedDynamics
+from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
+from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
 
 Array = NDArray[np.float64]
 BLOCK = 0.02
@@ -155,7 +156,7 @@ def test_in_ten_minutes_a_constant_state_forgets_as_much_as_was_unknown_at_the_s
     priors = ErrorPriors()
     gained = np.diag(dynamics().transition(state(), SharedDynamics.FORGET)[2])
     for constant in (Shared.LAG, Shared.SCALE, Shared.BEND, Shared.LEAK, Shared.WARMTH, Shared.CREEP):
-        assert gained[constant] == pytest.approx(priors.covariance()[constant, constant], rel=1e-12)
+        assert gained[constant] == pytest.approx(start_covariance(priors)[constant, constant], rel=1e-12)
 
 
 def calibration(**found: Any) -> Calibration:
@@ -168,9 +169,9 @@ def calibration(**found: Any) -> Calibration:
 def test_priors_have_a_value_for_every_state() -> None:
     priors = ErrorPriors()
     assert len(priors.creep) == len(priors.creep_mean) == len(priors.creep_times) == CREEPS
-    assert priors.covariance().shape == (COUNT, COUNT)
-    assert priors.mean().shape == (COUNT,)
-    assert (np.diag(priors.covariance()) > 0.0).all()
+    assert start_covariance(priors).shape == (COUNT, COUNT)
+    assert start_mean(priors).shape == (COUNT,)
+    assert (np.diag(start_covariance(priors)) > 0.0).all()
 
 
 def test_without_a_calibration_the_priors_stay() -> None:
@@ -181,7 +182,7 @@ def test_without_a_calibration_the_priors_stay() -> None:
 def test_a_calibration_makes_no_prior_less_certain() -> None:
     priors = ErrorPriors()
     known = priors.with_calibration(calibration(warmth=0.02, warmth_deviation=0.004))
-    assert (known.covariance() <= priors.covariance()).all()
+    assert (start_covariance(known) <= start_covariance(priors)).all()
     assert known.leak < priors.leak
     assert known.pyroelectric < priors.pyroelectric
 
@@ -196,8 +197,8 @@ def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> N
         )
     )
     assert known.creep_times == (0.5, *priors.creep_times[1:])
-    assert known.mean()[Shared.CREEP] == 0.03
-    assert not known.mean()[Shared.CREEP + 1 :].any()
+    assert start_mean(known)[Shared.CREEP] == 0.03
+    assert not start_mean(known)[Shared.CREEP + 1 :].any()
     # Stated by the calibration, but a film ages.
     assert priors.creep_least <= known.creep[0] < priors.creep[0]
     assert known.creep[1:] == priors.creep[1:]
@@ -209,4 +210,4 @@ def test_more_slow_responses_than_states_are_left_out() -> None:
         calibration(relaxation_time_constants=many, relaxation_sizes=0.01 * many, relaxation_deviations=0.001 * many)
     )
     assert known.creep_times == tuple(many[:CREEPS])
-    assert known.mean().shape == (COUNT,)
+    assert start_mean(known).shape == (COUNT,)

@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
+from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.estimation.force_error_filter import NEGLIGIBLE, Belief, ForceErrorFilter, start_belief
-from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
+from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
+from reference.estimation.touch_response import TouchResponse
 
 Array = NDArray[np.float64]
 SENSOR = load_sensor()
@@ -307,7 +308,7 @@ def test_with_the_states_of_the_estimator_the_variance_is_not_below_that_of_the_
     # Measured on 16 taxels and 7 s: 1.000 to 1.16 of the variance in the dense filter, 0.88 to 1.10 of that of the
     # filter's own error. Variance of each force error, and of the sum of the touched ones.
     taxels, priors, noise = 9, ErrorPriors(), force_noise_rms(SENSOR)
-    belief = start_belief(taxels, priors.mean(), priors.covariance())
+    belief = start_belief(taxels, start_mean(priors), start_covariance(priors))
     belief.own[:, :2, :2] = noise**2
     belief.own[:, 1, 1] += (priors.left_charge / SENSOR.volts_per_newton) ** 2
     filtered = ForceErrorFilter(belief)

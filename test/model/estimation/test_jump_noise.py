@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.estimation.jump_noise import DWELL, MEMORY, JumpNoise
+from reference.estimation.jump_noise import DWELL, MEMORY, JumpNoise
 
 Array = NDArray[np.float64]
 BLOCK = 0.02

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.estimation.known_forces import (
+from reference.estimation.known_forces import (
     NEGATIVE_TIME,
     PERSISTENT_BLOCKS,
     RELEASED_BLOCKS,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posfet_model.estimation.rest_detector import LEAKED, SINGLE_TAXEL_FACTOR, STILL, RestDetector
+from reference.estimation.rest_detector import LEAKED, SINGLE_TAXEL_FACTOR, STILL, RestDetector
 
 NOISE, SPREAD, SETTLE, TAU, BLOCK = 1e-3, 0.1, 0.1, 0.3, 0.02
 STEP = STILL * NOISE

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.estimation.error_states import COUNT, Shared
-from posfet_model.estimation.steady_force import HOP, STEADINESS, SharedMeasurement, steady_force
+from reference.estimation.steady_force import HOP, STEADINESS, SharedMeasurement, steady_force
 
 BLOCK = 0.02
 TIME = BLOCK * np.arange(16)

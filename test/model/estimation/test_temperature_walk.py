@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from posfet_model.estimation.temperature_walk import TemperatureWalk
+from reference.estimation.temperature_walk import TemperatureWalk
 
 BLOCK, LAG, LEAST = 0.02, 0.05, 0.4e-3
 

@@ -18,8 +18,8 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.touch_response import WARMTH_FORCE, TouchResponse
 from posfet_model.sensor.description import load_sensor
+from reference.estimation.touch_response import WARMTH_FORCE, TouchResponse
 
 Array = NDArray[np.float64]
 BLOCK = 0.02

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 
 BLOCK = 0.02
 LIMIT = np.full(3, 0.01)

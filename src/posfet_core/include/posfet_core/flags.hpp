@@ -31,6 +31,9 @@ public:
   /// Set the flags to those of an array of the same size.
   void set(const bool* flags) { std::copy(flags, flags + count_, data()); }
 
+  /// Set all flags to one value.
+  void fill(bool value) { std::fill(data(), data() + count_, value); }
+
   bool any() const {
     return std::any_of(data(), data() + count_, [](bool flag) { return flag; });
   }

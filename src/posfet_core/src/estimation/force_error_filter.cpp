@@ -35,11 +35,10 @@ ForceErrorFilter::ForceErrorFilter(std::shared_ptr<Belief> belief) : belief_(std
     throw std::invalid_argument("a filter needs a belief");
   }
   const std::size_t states = belief_->states();
-  for (SquareMatrix* work : {&matrix_, &transposed_, &covariance_, &root_, &inverse_}) {
+  for (SquareMatrix* work : {&matrix_, &transposed_, &covariance_, &root_, &inverse_, &regression_, &unexplained_}) {
     work->assign(states * states, 0.0);
   }
   spread_.assign(kOwnStates * states, 0.0);
-  white_.assign(kOwnStates * states, 0.0);
   row_.assign(states, 0.0);
   pull_.assign(states, 0.0);
 }
@@ -74,7 +73,8 @@ void ForceErrorFilter::admit(const double* direction, double variance) {
   become(same.data(), noise.data());
 }
 
-/// Replace the covariance S of the shared states by F S F' + Q, and regress the taxels' errors on the new states.
+/// Replace the covariance S of the shared states by P = F S F' + Q, and regress the taxels' errors on the new states:
+/// on them the old ones have the regression A = S F' P^-1, which leaves D = S - A P A' of their covariance.
 void ForceErrorFilter::become(const double* matrix, const double* noise) {
   Belief& b = *belief_;
   const std::size_t states = b.states();
@@ -86,57 +86,52 @@ void ForceErrorFilter::become(const double* matrix, const double* noise) {
     covariance_[index] += noise[index];
   }
   mirror_lower(covariance_, states);
+  transpose(root_, matrix_, states);  // S F'
   root_of_covariance(covariance_, states, root_, inverse_);
-  SquareMatrix& whitening = matrix_;
-  transpose(inverse_, whitening, states);
+  transpose(inverse_, transposed_, states);
+  SquareMatrix& white = unexplained_;  // A L with P = L L'
+  multiply(matrix_.data(), transposed_.data(), white.data(), states, states, states);
+  multiply(white.data(), inverse_.data(), regression_.data(), states, states, states);
+  for (std::size_t row = 0; row < states; ++row) {
+    for (std::size_t column = 0; column < states; ++column) {
+      matrix_[row * states + column] = b.covariance()[row * states + column] -
+                                       dot(white.data() + row * states, white.data() + column * states, states);
+    }
+  }
+  unexplained_.swap(matrix_);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
-    regress(taxel, transposed_.data(), whitening.data());
+    regress(taxel);
   }
   b.set_covariance(covariance_, root_);
 }
 
-/// Find G S and the white G S F' (L^-1)' of one state of a taxel. Returns whether it depends on the shared states.
-bool ForceErrorFilter::whiten(std::size_t taxel, std::size_t state, const double* transposed, const double* whitening) {
-  const Belief& b = *belief_;
-  const std::size_t states = b.states();
-  const double* slope = b.slope_of(taxel, state);
-  if (std::all_of(slope, slope + states, [](double each) { return each == 0.0; })) {
-    return false;
-  }
-  double* spread = spread_.data() + state * states;
-  double* white = white_.data() + state * states;
-  multiply(slope, b.covariance().data(), spread, 1, states, states);
-  multiply(spread, transposed, row_.data(), 1, states, states);
-  multiply(row_.data(), whitening, white, 1, states, states);
-  return true;
-}
-
-/// Regress the errors of a taxel on the new shared states, by F' and by the transposed inverse of their root. What the
-/// noise takes from the regression stays as the taxel's own.
-void ForceErrorFilter::regress(std::size_t taxel, const double* transposed, const double* whitening) {
+/// Regress the errors of a taxel on the new shared states. What these do not explain of the old ones stays as the
+/// taxel's own.
+void ForceErrorFilter::regress(std::size_t taxel) {
   Belief& b = *belief_;
   const std::size_t states = b.states();
   std::array<std::size_t, kOwnStates> regressed{};
   std::size_t count = 0;
   for (std::size_t state = 0; state < kOwnStates; ++state) {
-    if (whiten(taxel, state, transposed, whitening)) {
+    const double* slope = b.slope_of(taxel, state);
+    if (std::any_of(slope, slope + states, [](double each) { return each != 0.0; })) {
       regressed[count++] = state;
     }
   }
   double* own = b.own_of(taxel);
   for (std::size_t one = 0; one < count; ++one) {
+    const std::size_t row = regressed[one];
+    multiply(b.slope_of(taxel, row), unexplained_.data(), row_.data(), 1, states, states);
     for (std::size_t other = 0; other <= one; ++other) {
-      const std::size_t row = regressed[one];
       const std::size_t column = regressed[other];
-      const double lost = dot(spread_.data() + row * states, b.slope_of(taxel, column), states) -
-                          dot(white_.data() + row * states, white_.data() + column * states, states);
-      own[at(row, column)] += lost;
+      own[at(row, column)] += dot(row_.data(), b.slope_of(taxel, column), states);
       own[column * kOwnStates + row] = own[at(row, column)];
     }
   }
   for (std::size_t one = 0; one < count; ++one) {
-    multiply(white_.data() + regressed[one] * states, inverse_.data(), b.slope_of(taxel, regressed[one]), 1, states,
-             states);
+    double* slope = b.slope_of(taxel, regressed[one]);
+    multiply(slope, regression_.data(), row_.data(), 1, states, states);
+    std::copy(row_.begin(), row_.end(), slope);
   }
 }
 

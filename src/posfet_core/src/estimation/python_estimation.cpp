@@ -10,14 +10,18 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <array>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "../python_arrays.hpp"
 #include "../python_bindings.hpp"
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/force_estimator.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
 
 namespace posfet {
@@ -278,11 +282,184 @@ void bind_filter(const py::module_& module) {
   bind_updates(bound);
 }
 
+/// The values of `ErrorPriors` of Python.
+ErrorPriors priors_from(const py::object& priors) {
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
+      {"film_walk", &ErrorPriors::film_walk},
+      {"rate", &ErrorPriors::rate},
+      {"rate_walk", &ErrorPriors::rate_walk},
+      {"rate_change", &ErrorPriors::rate_change},
+      {"touch_rate", &ErrorPriors::touch_rate},
+      {"fastest", &ErrorPriors::fastest},
+      {"lag", &ErrorPriors::lag},
+      {"lag_spread", &ErrorPriors::lag_spread},
+      {"scale", &ErrorPriors::scale},
+      {"reading", &ErrorPriors::reading},
+      {"bend", &ErrorPriors::bend},
+      {"bend_gradient", &ErrorPriors::bend_gradient},
+      {"leak", &ErrorPriors::leak},
+      {"tail", &ErrorPriors::tail},
+      {"tail_spread", &ErrorPriors::tail_spread},
+      {"tail_least", &ErrorPriors::tail_least},
+      {"tail_change", &ErrorPriors::tail_change},
+      {"warmth_beside", &ErrorPriors::warmth_beside},
+      {"warmth_mean", &ErrorPriors::warmth_mean},
+      {"warmth", &ErrorPriors::warmth},
+      {"warmth_least", &ErrorPriors::warmth_least},
+      {"warmth_spread", &ErrorPriors::warmth_spread},
+      {"warmth_time", &ErrorPriors::warmth_time},
+      {"pyroelectric", &ErrorPriors::pyroelectric},
+      {"drift", &ErrorPriors::drift},
+      {"offset_walk", &ErrorPriors::offset_walk},
+      {"motion", &ErrorPriors::motion},
+  }};
+  constexpr std::array<std::pair<const char*, std::array<double, kCreeps> ErrorPriors::*>, 3> kOfCreep{{
+      {"creep_times", &ErrorPriors::creep_times},
+      {"creep_mean", &ErrorPriors::creep_mean},
+      {"creep", &ErrorPriors::creep},
+  }};
+  ErrorPriors found{};
+  for (const auto& [name, member] : kValues) {
+    found.*member = priors.attr(name).cast<double>();
+  }
+  for (const auto& [name, member] : kOfCreep) {
+    found.*member = priors.attr(name).cast<std::array<double, kCreeps>>();
+  }
+  return found;
+}
+
+using BoundEstimator = py::class_<ForceEstimator, std::shared_ptr<ForceEstimator>>;
+
+/// Return a function that gives what an estimator finds for each taxel, as a new array.
+template <void (ForceEstimator::*Find)(double*) const>
+py::array_t<double> found_by(const ForceEstimator& estimator) {
+  py::array_t<double> found = new_array({estimator.taxels()});
+  (estimator.*Find)(found.mutable_data());
+  return found;
+}
+
+/// The same into an array of the caller, which is returned.
+template <void (ForceEstimator::*Find)(double*) const>
+KeptValues find_into(const ForceEstimator& estimator, KeptValues out) {
+  require_taxels(out, static_cast<Taxel>(estimator.taxels()), "out");
+  (estimator.*Find)(out.mutable_data());
+  return out;
+}
+
+void close_block(ForceEstimator& estimator, const Tested& touched, const py::sequence& contacts) {
+  const auto taxels = static_cast<Taxel>(estimator.taxels());
+  require_taxels(touched, taxels, "touched");
+  std::vector<Taxels> listed;
+  for (const py::handle contact : contacts) {
+    const auto indices = contact.cast<Indices>();
+    listed.emplace_back(indices.data(), indices.data() + indices.size());
+    for (const Taxel taxel : listed.back()) {
+      if (taxel < 0 || taxel >= taxels) {
+        throw py::index_error("contacts must have indices of taxels");
+      }
+    }
+  }
+  std::vector<const Taxels*> pointers;
+  pointers.reserve(listed.size());
+  for (const Taxels& contact : listed) {
+    pointers.push_back(&contact);
+  }
+  estimator.close_block(touched.data(), pointers);
+}
+
+void bind_estimator_methods(BoundEstimator& bound) {
+  bound
+      .def(
+          "start",
+          [](ForceEstimator& estimator, const Values& charge) {
+            estimator.start(shaped(charge, {estimator.taxels()}, "charge"));
+          },
+          py::arg("charge"), "Start with a scan of these charge densities [C/m2], which has no predecessor.")
+      .def("interrupt", &ForceEstimator::interrupt, "Record that an unknown time passes before the next scan.")
+      .def("close_block", &close_block, py::arg("touched"), py::arg("contacts") = py::tuple(),
+           "Process the block that is due: the taxels in contact at any time of it, and those of each contact.")
+      .def(
+          "ignore",
+          [](ForceEstimator& estimator, const Tested& faulty) {
+            require_taxels(faulty, static_cast<Taxel>(estimator.taxels()), "faulty");
+            estimator.ignore(faulty.data());
+          },
+          py::arg("faulty"), "Set the faulty taxels; one that works again restarts with an unknown offset.")
+      .def(
+          "set_noise_variance",
+          [](ForceEstimator& estimator, const Values& variance) {
+            estimator.set_noise_variance(shaped(variance, {estimator.taxels()}, "variance"));
+          },
+          py::arg("variance"), "Set the variance of a reading of each taxel [N2].")
+      .def("force_variance", &find_into<&ForceEstimator::force_variance>, py::arg("out").noconvert(),
+           "Return in `out` the variance of each force that it does not share with others [N2].")
+      .def("variance", &find_into<&ForceEstimator::variance>, py::arg("out").noconvert(),
+           "Return in `out` the variance that each force would have without a touch [N2].")
+      .def(
+          "tare",
+          [](ForceEstimator& estimator, bool forced) {
+            py::array_t<double> change = new_array({estimator.taxels()});
+            estimator.tare(forced, change.mutable_data());
+            return change;
+          },
+          py::arg("forced") = false, "Set the forces to zero; return the correction that was added to each [N].");
+}
+
+void bind_estimator(const py::module_& module) {
+  BoundEstimator bound(module, "ForceEstimator", "Force of every taxel with its covariance, block by block.");
+  bound.def(py::init([](const Layout& layout, const Values& time_constant, const Values& newton_per_charge,
+                        const Values& newton_per_kelvin, const Values& gain_deviation, double common_gain_deviation,
+                        const Values& leak_deviation, double noise, double threshold, double greatest_force,
+                        double left_charge, double film_lag, const py::object& priors, double block_duration) {
+              return std::make_shared<ForceEstimator>(
+                  EstimatedArray{layout, vector_of(time_constant), vector_of(newton_per_charge),
+                                 vector_of(newton_per_kelvin), vector_of(gain_deviation), common_gain_deviation,
+                                 vector_of(leak_deviation), noise, threshold, greatest_force, left_charge, film_lag},
+                  priors_from(priors), positive(block_duration, "block_duration"));
+            }),
+            py::kw_only(), py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_charge"),
+            py::arg("newton_per_kelvin"), py::arg("gain_deviation"), py::arg("common_gain_deviation"),
+            py::arg("leak_deviation"), py::arg("noise"), py::arg("threshold"), py::arg("greatest_force"),
+            py::arg("left_charge"), py::arg("film_lag"), py::arg("priors"), py::arg("block_duration") = kBlock);
+  bind_estimator_methods(bound);
+  bound.def_property_readonly("integration", &ForceEstimator::shared_integration, "What happens in every scan.")
+      .def_property_readonly("belief", &ForceEstimator::belief, "Means and covariance of the force errors.")
+      .def_property_readonly("block_time", &ForceEstimator::block_time, "Duration of the current block so far [s].")
+      .def_property_readonly("block_duration", &ForceEstimator::block_duration,
+                             "Duration from which on a block is due [s].")
+      .def_property_readonly("valid", &ForceEstimator::valid, "Whether the forces of all taxels are valid.")
+      .def_property_readonly("restarts", &ForceEstimator::restarts,
+                             "Number of restarts of taxels whose signal was consistent with no force.")
+      .def_property_readonly("processed_again", &ForceEstimator::processed_again,
+                             "Number of times that the last blocks were processed again.")
+      .def_property_readonly("block_mean", &found_by<&ForceEstimator::block_mean>,
+                             "Mean of `force` over the block that is due [N].")
+      .def_property_readonly("residual_charge", &found_by<&ForceEstimator::residual_charge>,
+                             "Charge at each gate, as the force that would generate it [N].")
+      .def_property_readonly(
+          "informative",
+          [](const py::object& self) { return view_of(self.cast<ForceEstimator&>().informative(), self); },
+          "Faulty taxels that still show a touch; set by the caller.")
+      .def_readwrite("max_relative_uncertainty", &ForceEstimator::max_relative_uncertainty,
+                     "Standard deviation of the total force over that force above which forces are not valid.");
+  for (const char* name : {"force", "offset_known", "ignored", "change", "correlated_error"}) {
+    bound.def_property_readonly(
+        name, [name](const py::object& self) -> py::object { return self.attr("integration").attr(name); },
+        "As of the integration.");
+  }
+  module.attr("BLOCK") = kBlock;
+  module.attr("LAG") = LastBlocks::kLag;
+  module.attr("RESUME_TIME") = kResumeTime;
+  module.attr("MAX_RELATIVE_UNCERTAINTY") = kMaxRelativeUncertainty;
+  module.attr("SHARED_STATES") = kSharedStates;
+}
+
 }  // namespace
 
 void bind_estimation(const py::module_& module) {
   bind_belief(module);
   bind_filter(module);
+  bind_estimator(module);
 }
 
 }  // namespace posfet

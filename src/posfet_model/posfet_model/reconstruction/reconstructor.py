@@ -27,7 +27,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
-from posfet_model.estimation.force_estimator import BLOCK, ForceEstimator
+from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.reconstruction.bursts import BurstDetector
 from posfet_model.reconstruction.contacts_writer import ContactsWriter
 from posfet_model.reconstruction.force_image import ForceImage, non_negative
@@ -242,7 +242,7 @@ class Reconstructor:
         layout, spread = self._sensor.layout, self._sensor.device.contact_spread
         return scan_path.BlockEnd(
             path=self._path,
-            estimator=scan_path.PythonForceEstimator(self._estimator, self._estimator.integration, BLOCK),
+            estimator=self._estimator,
             faults=self._faults,
             bursts=self._bursts,
             hum=self._hum,
@@ -284,7 +284,7 @@ class Reconstructor:
     @property
     def temperature_known(self) -> bool:
         """Whether a temperature sensor reports."""
-        return self._estimator.film.known
+        return self._estimator.integration.thermometers.known
 
     @property
     def rate(self) -> float:

@@ -101,8 +101,7 @@ private:
   struct Gain;
 
   void become(const double* matrix, const double* noise);
-  bool whiten(std::size_t taxel, std::size_t state, const double* transposed, const double* whitening);
-  void regress(std::size_t taxel, const double* transposed, const double* whitening);
+  void regress(std::size_t taxel);
   void inform(const bool* where, const double* residual, const double* sensitivity, const double* noise);
   void shift(const double* change);
   void require_temperatures() const;
@@ -116,8 +115,9 @@ private:
   SquareMatrix covariance_;
   SquareMatrix root_;
   SquareMatrix inverse_;
+  SquareMatrix regression_;     ///< A of `become`.
+  SquareMatrix unexplained_;    ///< D of `become`.
   std::vector<double> spread_;  ///< G S of a taxel, [own, states].
-  std::vector<double> white_;   ///< G S F' (L^-1)' of a taxel, [own, states].
   std::vector<double> row_;
   std::vector<double> pull_;  ///< Sum of g residual/v, [states].
 };

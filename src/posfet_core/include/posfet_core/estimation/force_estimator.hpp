@@ -18,10 +18,22 @@
 /// processed again without the taxels that it touches: the first, weak part of a touch is no zero (docs/estimation.md).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <vector>
 
+#include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/jump_noise.hpp"
+#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/steady_force.hpp"
+#include "posfet_core/estimation/temperature_walk.hpp"
+#include "posfet_core/estimation/touch_response.hpp"
+#include "posfet_core/estimation/validity.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/grid.hpp"
 
@@ -30,79 +42,240 @@ namespace posfet {
 /// Duration of a block [s].
 constexpr double kBlock = 0.02;
 
+/// No force is valid for this long after an interruption [s].
+constexpr double kResumeTime = 0.04;
+
+/// Standard deviation of the total force, over that force, above which the forces are not valid [1]: fit for control of
+/// a grip.
+constexpr double kMaxRelativeUncertainty = 0.2;
+
+/// What description and calibration say of an array; vectors have one value for each taxel.
+struct EstimatedArray {
+  Layout layout;
+  std::vector<double> time_constant;      ///< Of the leakage [s].
+  std::vector<double> newton_per_charge;  ///< Force per charge density [N m2/C].
+  std::vector<double> newton_per_kelvin;  ///< Pyroelectric signal [N/K].
+  std::vector<double> gain_deviation;     ///< Relative standard deviation of the gain [1],
+  double common_gain_deviation;           ///< and of what all taxels have in common [1].
+  std::vector<double> leak_deviation;     ///< Relative standard deviation of the leak rate [1].
+  double noise;                           ///< Standard deviation of a reading [N].
+  double threshold;                       ///< Contact threshold [N].
+  double greatest_force;                  ///< Greatest force of a taxel [N].
+  double left_charge;                     ///< Charge left by an earlier force at the start, as a force [N].
+  double film_lag;                        ///< Time constant of the film's lag behind the chip [s], >= 0.
+};
+
 /// Force of every taxel with its covariance, block by block; arrays row by row, [taxels].
 ///
 /// The integration takes each scan; call `start` with the first one, and `close_block` whenever `block_time` has
-/// reached the duration of a block. The force at the start is assumed to be zero: a taxel that is loaded then reads
-/// zero, a negative force once the load is released, and zero soon after.
+/// reached `block_duration`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a
+/// negative force once the load is released, and zero soon after.
 class ForceEstimator {
 public:
-  virtual ~ForceEstimator() = default;
+  /// Throws std::invalid_argument where the array is none, or values are missing.
+  ForceEstimator(EstimatedArray array, const ErrorPriors& priors, double block_duration = kBlock);
 
-  virtual std::size_t taxels() const = 0;
-  virtual ForceIntegration& integration() = 0;
-  virtual const ForceIntegration& integration() const = 0;
+  std::size_t taxels() const { return array_.time_constant.size(); }
+
+  /// What happens in every scan, and the state that it changes.
+  const std::shared_ptr<ForceIntegration>& shared_integration() const { return integration_; }
+  ForceIntegration& integration() { return *integration_; }
+  const ForceIntegration& integration() const { return *integration_; }
 
   /// Duration of the current block so far [s].
-  double block_time() const { return integration().block().elapsed; }
+  double block_time() const { return integration_->block().elapsed; }
 
   /// Duration from which on a block is due [s].
-  virtual double block_duration() const = 0;
+  double block_duration() const { return block_duration_; }
 
   /// Whether the forces of all taxels are valid.
-  bool valid() const { return integration().block().valid; }
+  bool valid() const { return integration_->block().valid; }
 
   /// Estimated force [N], positive when pushed; valid where `offset_known`.
-  const std::vector<double>& force() const { return integration().state().force; }
-  const TaxelFlags& offset_known() const { return integration().state().offset_known; }
+  const std::vector<double>& force() const { return state().force; }
+  const TaxelFlags& offset_known() const { return state().offset_known; }
 
   /// Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`.
-  const TaxelFlags& ignored() const { return integration().state().ignored; }
+  const TaxelFlags& ignored() const { return state().ignored; }
 
   /// Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller.
-  virtual TaxelFlags& informative() = 0;
+  TaxelFlags& informative() { return informative_; }
 
   /// Number of restarts of taxels whose signal was consistent with no force.
-  virtual std::size_t restarts() const = 0;
+  std::size_t restarts() const { return restarts_; }
+
+  /// Number of times that the last blocks were processed again.
+  std::size_t processed_again() const { return processed_again_; }
+
+  /// Means and covariance of the force errors.
+  const std::shared_ptr<Belief>& belief() const { return filter_.belief(); }
 
   /// Start with a scan of these charge densities [C/m2], which has no predecessor.
-  virtual void start(const double* charge) = 0;
+  void start(const double* charge);
 
   /// Record that an unknown time passes before the next scan: changes of the force in it are unknown. Offsets stay
   /// known. At the next scan the force is set to the remaining charge, a lower bound of the force.
-  virtual void interrupt() = 0;
+  void interrupt();
 
   /// Process the block that is due: the taxels in contact at any time of it, and those of each contact. Has no effect
   /// where the offset is unknown: there a constant force is as informative as no force.
-  virtual void close_block(const bool* touched, const std::vector<const Taxels*>& contacts) = 0;
+  void close_block(const bool* in_contact, const std::vector<const Taxels*>& contacts);
 
   /// Set the faulty taxels; one that works again restarts with an unknown offset.
-  virtual void ignore(const bool* faulty) = 0;
+  void ignore(const bool* faulty);
 
   /// Set the variance of a reading of each taxel [N2]; initially that of the description.
-  virtual void set_noise_variance(const double* variance) = 0;
+  void set_noise_variance(const double* variance);
 
   /// Find the mean of `force` over the block that is due [N].
-  virtual void block_mean(double* out) const = 0;
+  void block_mean(double* out) const;
 
   /// Find the charge at each gate, as the force that would generate it [N].
-  virtual void residual_charge(double* out) const = 0;
+  void residual_charge(double* out) const;
 
   /// Find the variance of each force that it does not share with others [N2].
-  virtual void force_variance(double* out) const = 0;
+  void force_variance(double* out) const;
 
   /// Find the variance that each force would have without a touch [N2]: without leaked charge, creep and warmth.
-  virtual void variance(double* out) const = 0;
+  void variance(double* out) const;
 
   /// Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time. `forced`: forces
   /// may be applied; those of the newest scan are set to zero, and none remains a lower bound. Otherwise the mean
   /// forces of the last block are set to zero, which have less noise. The correction that was added to each force is
   /// written into `change` [N]; 0 for ignored taxels.
-  virtual void tare(bool forced, double* change) = 0;
+  void tare(bool forced, double* change);
 
   /// Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
   /// are not valid [1]; may change.
-  double max_relative_uncertainty = 0.2;
+  double max_relative_uncertainty = kMaxRelativeUncertainty;
+
+private:
+  ForceIntegration::State& state() { return integration_->state(); }
+  const ForceIntegration::State& state() const { return integration_->state(); }
+  double signal(std::size_t taxel) const;
+  double offset(std::size_t taxel) const;
+  double warmth_variance(const Block& block, std::size_t taxel) const;
+  double tail_spread() const;
+  double film_rate() const;
+  bool warms() const;
+  std::size_t usable() const;
+
+  void apply_clipped();
+  void integrate(double time);
+  void start_block();
+  void restart(const TaxelFlags& where);
+
+  bool find_unreleased(TaxelFlags& listed, Taxels& lost) const;
+  void measure(Block& block);
+  void measure_touch(Block& block);
+  void measure_process_noise(Block& block);
+  void take_reading(Block& block);
+  void observe_rest(bool listed);
+  double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
+  void observe_steady_force();
+  Taxels held_taxels() const;
+  SteadyWindow window_of(const Taxels& held) const;
+  void suspect_absorbed(const Block& block);
+
+  void process_again(const TaxelFlags& touched);
+  void step(std::size_t index);
+  void predict(ForceErrorFilter& filter, const Block& block);
+  void measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
+  void measure_zeros(std::size_t index);
+  void expect_small_forces(const Block& block);
+  void find_residuals();
+  void explain_by_temperature(std::size_t index);
+  void open_hypothesis(std::size_t index);
+  void drop_hypothesis();
+  void measure_faulty(const Block& block);
+  bool is_zero_faulty(const Block& block, std::size_t taxel) const;
+  void judge(const Block& block);
+  UniformChange::Evidence evidence_of(const Block& block);
+  void take_unheated(const Block& block);
+  void restart_or_correct(const Block& block);
+  void release(const Block& block, const std::vector<const Taxels*>& contacts);
+  void end_unknown_touch(const Block& block);
+
+  void finish(const Block& block);
+  void set_covariance(const Block& block);
+  bool is_valid();
+  bool is_certain() const;
+  void confirm_offsets(double duration);
+  void prepare_compensation(const Block& block);
+
+  EstimatedArray array_;
+  ErrorPriors priors_;
+  double block_duration_;
+  double mean_per_kelvin_;
+  double negligible_;  ///< Change of the film's temperature that makes no difference to the forces [K].
+  std::shared_ptr<ForceIntegration> integration_;
+  SharedDynamics dynamics_;
+  ForceErrorFilter filter_;
+  TouchResponse touch_;
+  UniformChange uniform_;
+  UnexplainedResiduals unexplained_;
+  ReleaseDetector release_;
+  JumpNoise jumps_;
+  TemperatureWalk walk_;
+  RestDetector rest_;
+  NegativeForceMonitor negative_;
+  LowerBoundMonitor lower_bound_;
+  ContactSurroundings surroundings_;
+  LastBlocks blocks_;
+
+  TaxelFlags informative_;
+  std::size_t restarts_ = 0;
+  std::size_t processed_again_ = 0;
+  double recovering_ = 0.0;  ///< Time until forces may be valid after an interruption [s].
+  double agreed_ = 0.0;      ///< Time for which no taxel has restarted [s].
+  double rested_ = 0.0;      ///< Time since a contact was listed [s].
+  double unread_ = 0.0;      ///< Time since the last reading of the temperature sensors [s].
+  double last_duration_;     ///< Duration of the last block [s].
+  int unobserved_ = 0;       ///< Blocks since the last window of a steady force.
+  std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks>
+      recent_force_{};  ///< Of the last
+                        ///< blocks [N].
+  std::size_t recent_ = 0;
+  std::unique_ptr<ForceErrorFilter> unheated_;  ///< The belief without the hypothesis of `uniform_`, while it is open.
+  double expected_film_ = 0.0;                  ///< Temperature of the film without any change of its rate [K],
+  double expected_rate_ = 0.0;                  ///< which is this one [K/s].
+  double doubt_ = 0.0;  ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+
+  std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
+  std::vector<double> noise_variance_;      ///< Variance of a reading [N2].
+  std::vector<double> leaked_;              ///< Force less signal at the end of the last block [N].
+  std::vector<double> mean_;                ///< Mean force of the last block [N].
+  std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
+  std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
+  std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
+  std::vector<double> untouched_time_;      ///< Time since a taxel was touched [s].
+  std::vector<double> absorbed_;            ///< What a slow press may have lost to the zeros before it [N].
+  std::vector<double> touch_force_;         ///< Touched force of the last block [N].
+  std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
+  std::vector<double> warmth_;              ///< Squares of the relative warmth of the taxels [1].
+  std::vector<double> own_;                 ///< Variance of each force that it does not share [N2].
+  std::vector<double> untouched_variance_;  ///< The variance that it would have without a touch [N2].
+  TaxelFlags listed_;                       ///< Taxels in contact in the last block.
+  TaxelFlags touched_;                      ///< These, and those whose residual was unexplained.
+  TaxelFlags beside_;                       ///< These, and their neighbours.
+
+  // Work space of a step of the filter.
+  TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
+  TaxelFlags judged_;                  ///< Taxels whose residual counts.
+  TaxelFlags zeros_;                   ///< Taxels whose force is known.
+  TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
+  TaxelFlags chosen_;                  ///< Any others.
+  std::vector<double> measured_;       ///< [N].
+  std::vector<double> response_;       ///< [taxels, states].
+  std::vector<double> noise_;          ///< [N2].
+  std::vector<double> residual_;       ///< [N].
+  std::vector<double> sensitivity_;    ///< [taxels, states].
+  std::vector<double> deviation_;      ///< Of the residuals [N].
+  std::vector<double> own_deviation_;  ///< Of what they do not share [N].
+  std::vector<double> own_noise_;      ///< [taxels, own, own].
+  std::vector<double> leaked_share_;   ///< [1].
+  std::vector<double> driven_;         ///< [taxels, states].
+  std::vector<double> values_;         ///< Any, [taxels].
 };
 
 }  // namespace posfet

@@ -5,8 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// States of the force errors that all taxels share; in the order of `Shared` in
-/// posfet_model/estimation/error_states.py, which explains them.
+/// States of the force errors that all taxels share: their positions.
 #pragma once
 
 #include <cstddef>
@@ -15,10 +14,28 @@ namespace posfet {
 
 constexpr std::size_t kChip = 0;     ///< Temperature of the chip since the start [K].
 constexpr std::size_t kRate = 1;     ///< Its rate of change [K/s].
-constexpr std::size_t kFilm = 2;     ///< Temperature of the film since the start [K].
-constexpr std::size_t kSensor = 3;   ///< Temperature of the sensors since the start [K].
+constexpr std::size_t kFilm = 2;     ///< Temperature of the film since the start [K]: follows the chip.
+constexpr std::size_t kSensor = 3;   ///< Temperature of the sensors since the start [K]: follows the chip.
 constexpr std::size_t kLag = 4;      ///< Natural logarithm of the time constant of the sensors' lag in seconds [1].
 constexpr std::size_t kScale = 5;    ///< Relative error of the sensors' scale [1].
 constexpr std::size_t kThermal = 6;  ///< Number of the states that concern temperatures: those above.
+constexpr std::size_t kBend = 6;     ///< Charge of bending on every taxel, as a force per total force [1].
+constexpr std::size_t kBendX = 7;  ///< Its gradient: difference between the middle of the array and its edge in x [1].
+constexpr std::size_t kBendY = 8;  ///< The same in y [1].
+constexpr std::size_t kBendMoment = 9;  ///< The same as a force away from the middle causes it: a chip bends around the
+                                        ///< place that is pressed [1].
+constexpr std::size_t kLeak = 10;       ///< Relative error of the leak rates that all taxels have in common [1].
+constexpr std::size_t kWarmth = 11;     ///< Temperature of the film of a touched taxel above the others [K].
+constexpr std::size_t kTail = 12;       ///< Force that the cover lets an untouched taxel feel, relative to that of a
+                                        ///< geometric decline [1].
+constexpr std::size_t kDrift = 13;  ///< What the offsets of all taxels have in common, as a rate of the force errors
+                                    ///< [N/s].
+constexpr std::size_t kCreep = 14;  ///< First of the slow responses of the film to a force, relative to it [1].
+constexpr std::size_t kCreeps = 3;  ///< Number of these.
+constexpr std::size_t kSharedStates = kCreep + kCreeps;  ///< Number of shared states.
+
+/// Whether a state is a response of a taxel to its own force. Those of a taxel beside a contact are part of its small
+/// force, and tell nothing of the shared states.
+constexpr bool is_of_touch(std::size_t state) { return state == kLeak || state == kWarmth || state >= kCreep; }
 
 }  // namespace posfet

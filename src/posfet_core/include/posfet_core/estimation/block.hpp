@@ -1,0 +1,74 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// What a block of scans measured, and the last ones of them.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "posfet_core/estimation/belief.hpp"
+#include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/flags.hpp"
+
+namespace posfet {
+
+/// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
+struct Block {
+  explicit Block(std::size_t taxels);
+
+  std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
+  std::vector<double> noise;      ///< Variance of its noise [N2].
+  double duration = 0.0;          ///< Its duration [s].
+  std::vector<double> charge;     ///< Mean of the charge, as a force, up to a constant [N].
+  double span = 0.0;              ///< Time from the middle of the block before to its own [s].
+  double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
+  double reading_variance = 0.0;  ///< Variance of its noise [K2].
+  double interval = 0.0;          ///< Time since the reading before [s].
+  TaxelFlags listed;              ///< Taxels in contact.
+  TaxelFlags touched;             ///< These, and those whose residual was unexplained.
+  std::vector<double> response;   ///< Responses of the force errors to the shared states, [taxels, states].
+  std::vector<double> neighbour;  ///< Greatest force of a neighbour [N]; 0 where nothing touches.
+  std::vector<double> tail;       ///< Force of an untouched taxel if forces declined geometrically away from the
+                                  ///< contact [N].
+  double tail_moved = 0.0;        ///< Share of that force that is new [1].
+  std::vector<double> own_noise;  ///< Covariance of the process noise of each taxel, [taxels, own, own].
+  double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
+                                  ///< [K2/s2].
+  Belief before;                  ///< Belief before this block.
+};
+
+/// The last blocks, oldest first, and a place for the next one.
+class LastBlocks {
+public:
+  /// Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch.
+  static constexpr std::size_t kLag = 16;
+
+  explicit LastBlocks(std::size_t taxels);
+
+  std::size_t size() const { return size_; }
+  bool full() const { return size_ == kLag; }
+  Block& operator[](std::size_t index) { return places_[(first_ + index) % places_.size()]; }
+  const Block& operator[](std::size_t index) const { return places_[(first_ + index) % places_.size()]; }
+  Block& newest() { return (*this)[size_ - 1]; }
+
+  /// Where the next block is measured; kept only after `push`.
+  Block& next() { return (*this)[size_]; }
+
+  /// Keep that block, and forget the oldest one if there are too many.
+  void push();
+
+  /// Forget all; what they hold stays as it is until the next block is measured.
+  void clear() { size_ = 0; }
+
+private:
+  std::vector<Block> places_;
+  std::size_t first_ = 0;
+  std::size_t size_ = 0;
+};
+
+}  // namespace posfet

@@ -1,0 +1,46 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// What a force that is held tells of the causes that make it seem to change.
+///
+/// The uncorrected force of an integration with tau' instead of the true tau is F' = (1 - b)*F + b*x, where x is the
+/// charge that is left and b = 1 - tau/tau'. While a force is held, or changes at a constant rate, F' follows the decay
+/// of x, which a linear trend does not explain. So the force of all touched taxels in a window of blocks is fitted by
+/// a + c*t + b*x. The slope b measures all shared states with a response of that shape: leak first, and warmth and
+/// creep as far as theirs is alike.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+namespace posfet {
+
+/// Blocks from one window to the next, which has most of its blocks in common with it.
+constexpr int kHop = 4;
+
+/// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
+struct SharedMeasurement {
+  double innovation;                ///< Measured less expected value.
+  std::vector<double> sensitivity;  ///< Sensitivity to the shared states, [states].
+  double variance;                  ///< Variance of the noise.
+};
+
+/// What the touched taxels do in a window of blocks.
+struct SteadyWindow {
+  std::vector<double> time;                   ///< Times of the blocks [s].
+  std::vector<std::vector<double>> force;     ///< Estimated forces of each block, with the present shared states [N].
+  std::vector<std::vector<double>> charge;    ///< Charges that are left, as forces, up to a constant [N].
+  std::vector<std::vector<double>> response;  ///< Response of the error of their sum to each of the shared states,
+                                              ///< [states][blocks]; zero for states that are not constant.
+};
+
+/// Find what the touched taxels together tell in a window: none where that is nothing, or their force is not steady.
+/// `warmed`: by how much the film's temperature may have changed their sum within the window [N]; `noise`: variance of
+/// the noise of each sum of forces and of charges, which is the same noise [N2].
+std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double warmed, double noise);
+
+}  // namespace posfet

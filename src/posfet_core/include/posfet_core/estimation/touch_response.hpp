@@ -1,0 +1,68 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// What a touch leaves in the signals besides its force: responses of leak, creep, warmth and bending to it.
+///
+/// All are simulated from the estimated force of the touched taxels, never from the measured signals: those are noise
+/// at rest, which would explain everything.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/grid.hpp"
+
+namespace posfet {
+
+/// Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed.
+constexpr double kWarmthForce = 0.05;
+
+/// Least time constant of a leak that is simulated, relative to that of the description [1].
+constexpr double kLeastLeak = 0.5;
+
+/// Responses of the force errors to the shared states.
+class TouchResponse {
+public:
+  /// Leakage time constants [s] and pyroelectric signals [N/K] of each taxel; time constants of creep and warmth.
+  TouchResponse(const Layout& layout, std::vector<double> time_constant, std::vector<double> newton_per_kelvin,
+                const ErrorPriors& priors);
+
+  /// Forget all touches.
+  void reset();
+
+  /// Whether anything has touched.
+  bool responding() const { return responding_; }
+
+  /// Warmth of each taxel relative to the steady one [1].
+  const std::vector<double>& warm() const { return warm_; }
+
+  /// Leaked charge of the touched force of a taxel, as a force [N].
+  double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
+
+  /// Advance by a block [s] with the mean touched forces [N], 0 where untouched. `leak`: relative error of the leak
+  /// rates as far as it is known [1]: the charge leaks with tau*(1 + leak).
+  void advance(const std::vector<double>& force, double duration, double leak);
+
+  /// Find the responses h of the force errors to the shared states, [taxels, states].
+  void matrix(std::vector<double>& response) const;
+
+private:
+  std::vector<double> x_;  ///< Position, from -1 to 1 at the edges of the array.
+  std::vector<double> y_;
+  std::vector<double> tau_;
+  std::vector<double> per_kelvin_;
+  double warmth_time_;
+  std::array<double, kCreeps> creep_times_;
+  bool responding_ = false;
+  std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
+  std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
+  std::vector<double> force_;                          ///< Touched force of the last block [N].
+  std::vector<double> warm_;
+};
+
+}  // namespace posfet

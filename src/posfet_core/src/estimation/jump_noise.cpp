@@ -1,0 +1,39 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/jump_noise.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace posfet {
+
+JumpNoise::JumpNoise(std::vector<double> time_constant)
+    : tau_(std::move(time_constant)), squares_(tau_.size(), 0.0), time_(tau_.size(), 0.0) {}
+
+void JumpNoise::observe(const bool* where, const double* change, const double* noise, double duration) {
+  for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
+    if (!where[taxel]) {
+      continue;
+    }
+    time_[taxel] += duration;
+    const double square = change[taxel] * change[taxel];
+    // A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
+    // twice.
+    const bool step = change[taxel] < 0.0 && square > 2.0 * kStep * kStep * noise[taxel];
+    const double rate = step ? 2.0 / kStepSeen * square / duration : 0.0;
+    const double share = duration / std::min(std::max(time_[taxel], kLeastJumpMemory), kJumpMemory);
+    squares_[taxel] += share * (rate - squares_[taxel]);
+  }
+}
+
+double JumpNoise::variance(std::size_t taxel, double duration) const {
+  const double ratio = 0.5 * kDwell / tau_[taxel];
+  return squares_[taxel] * (1.0 + ratio * ratio) * duration;
+}
+
+}  // namespace posfet

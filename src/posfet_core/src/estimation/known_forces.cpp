@@ -1,0 +1,219 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/known_forces.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "posfet_core/medians.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Mean residual from which on residuals are no error that the filter expects [1]: as many deviations of that mean.
+const double kPersistent = kGate / std::sqrt(2.0 * UnexplainedResiduals::kPersistentBlocks - 1.0);
+
+/// Mean of so many squares that zero forces exceed as rarely as `kReleasedDeviations`. Quantile of the chi-square
+/// distribution after Wilson and Hilferty, PNAS 17, 684, 1931.
+double mean_square(std::size_t count) {
+  const double spread = 2.0 / (9.0 * static_cast<double>(count));
+  return std::pow(1.0 - spread + ReleaseDetector::kReleasedDeviations * std::sqrt(spread), 3.0);
+}
+
+}  // namespace
+
+UnexplainedResiduals::UnexplainedResiduals(std::size_t taxels, double threshold)
+    : small_(kSmall * threshold),
+      rising_(taxels),
+      below_(taxels, 0.0),
+      steady_(taxels, 0.0),
+      level_(taxels, 0.0),
+      mean_(taxels, 0.0) {}
+
+void UnexplainedResiduals::add_persistent(const bool* where, const double* residual, bool* odd) {
+  for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
+    mean_[taxel] = where[taxel] ? mean_[taxel] + (residual[taxel] - mean_[taxel]) / kPersistentBlocks : 0.0;
+    odd[taxel] = odd[taxel] || mean_[taxel] > kPersistent;
+  }
+}
+
+bool UnexplainedResiduals::update(const bool* odd, const double* residual, const double* mean, const double* noise,
+                                  double duration, bool* errors) {
+  std::fill(errors, errors + below_.size(), false);
+  if (std::none_of(odd, odd + below_.size(), [](bool each) { return each; })) {
+    reset();
+    return false;
+  }
+  bool any = false;
+  for (std::size_t taxel = 0; taxel < below_.size(); ++taxel) {
+    const bool up = residual[taxel] > 0.0;
+    rising_[taxel] = odd[taxel] && up;
+    below_[taxel] = odd[taxel] && !up ? below_[taxel] + duration : 0.0;
+    const bool moved = !rising_[taxel] || std::abs(mean[taxel] - level_[taxel]) > kSteadyDeviations * noise[taxel];
+    level_[taxel] = moved ? mean[taxel] : level_[taxel];
+    steady_[taxel] = moved ? 0.0 : steady_[taxel] + duration;
+    errors[taxel] = below_[taxel] >= kNegativeTime || (steady_[taxel] >= kUnexplainedTime && residual[taxel] < small_);
+    if (errors[taxel]) {
+      below_[taxel] = steady_[taxel] = 0.0;
+      any = true;
+    }
+  }
+  return any;
+}
+
+void UnexplainedResiduals::reset() {
+  rising_.fill(false);
+  std::fill(below_.begin(), below_.end(), 0.0);
+  std::fill(steady_.begin(), steady_.end(), 0.0);
+}
+
+ReleaseDetector::ReleaseDetector(std::size_t taxels)
+    : peak_(taxels, 0.0), means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)), blocks_(taxels, 0) {}
+
+bool ReleaseDetector::update(const std::vector<const Taxels*>& contacts, const double* mean, const bool* touched,
+                             const double* variance, double noise, bool* released) {
+  const std::size_t taxels = peak_.size();
+  for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
+    peak_[taxel] = std::max(kPeakDecay * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
+  }
+  means_[seen_ % means_.size()].assign(mean, mean + taxels);
+  ++seen_;
+  for (const Taxels* contact : contacts) {
+    double greatest = 0.0;  // one object: what is left at its edge was its, too
+    for (const Taxel taxel : *contact) {
+      greatest = std::max(greatest, peak_[static_cast<std::size_t>(taxel)]);
+    }
+    for (const Taxel taxel : *contact) {
+      peak_[static_cast<std::size_t>(taxel)] = greatest;
+    }
+  }
+  std::fill(released, released + taxels, false);
+  for (const Taxels* contact : contacts) {
+    const bool looks = looks_released(*contact, mean, variance, noise);
+    for (const Taxel taxel : *contact) {
+      released[static_cast<std::size_t>(taxel)] = looks;
+    }
+  }
+  bool any = false;
+  for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
+    blocks_[taxel] = released[taxel] ? blocks_[taxel] + 1 : 0;
+    released[taxel] = blocks_[taxel] >= kReleasedBlocks;
+    any = any || released[taxel];
+  }
+  return any;
+}
+
+bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, const double* variance,
+                                     double noise) const {
+  if (seen_ < means_.size() || contact.empty()) {
+    return false;
+  }
+  const std::vector<double>& before = means_[seen_ % means_.size()];
+  double peak = 0.0;
+  double greatest = -std::numeric_limits<double>::infinity();
+  double moved = 0.0;
+  double squares = 0.0;
+  for (const Taxel each : contact) {
+    const auto taxel = static_cast<std::size_t>(each);
+    peak = std::max(peak, peak_[taxel]);
+    greatest = std::max(greatest, mean[taxel]);
+    moved = std::max(moved, std::abs(mean[taxel] - before[taxel]));
+    squares += mean[taxel] * mean[taxel] / variance[taxel];
+  }
+  return greatest < kReleasedShare * peak && moved < kGate * noise + kResidualMotion * peak &&
+         squares / static_cast<double>(contact.size()) < mean_square(contact.size());
+}
+
+UniformChange::UniformChange(std::vector<double> newton_per_kelvin, double spread)
+    : per_kelvin_(std::move(newton_per_kelvin)),
+      spread_(spread),
+      observable_(per_kelvin_.size() >= kFewestForUniform &&
+                  std::all_of(per_kelvin_.begin(), per_kelvin_.end(), [](double each) { return each != 0.0; })) {
+  work_.reserve(per_kelvin_.size());
+}
+
+double UniformChange::median_of(const double* values, const bool* where) {
+  work_.clear();
+  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
+    if (where[taxel]) {
+      work_.push_back(values[taxel]);
+    }
+  }
+  return median(work_);
+}
+
+double UniformChange::temperature(const double* residual, const bool* where, const double* deviation, const double* own,
+                                  double duration, bool touched) {
+  work_.clear();
+  double response = 0.0;
+  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
+    if (where[taxel]) {
+      work_.push_back(residual[taxel] / per_kelvin_[taxel]);
+      response += per_kelvin_[taxel];
+    }
+  }
+  if (work_.size() < kFewestForUniform) {
+    return 0.0;
+  }
+  const auto count = static_cast<double>(work_.size());
+  const double kelvin = median(work_);
+  const double force = kelvin * response / count;  // mean of the taxels
+  const double single = median_of(deviation, where);
+  const double alone = median_of(own, where);
+  const double shared = std::max(single * single - alone * alone, 0.0);
+  const double least = touched ? kGate * std::sqrt(shared + alone * alone / count) : kNoticeable * single;
+  if (std::abs(force) < least) {
+    return 0.0;
+  }
+  if (force < 0.0) {
+    return kelvin;  // no object pulls at the whole array
+  }
+  int misfits = 0;
+  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
+    const double expected = kelvin * per_kelvin_[taxel];
+    const double tolerance = kNoticeable * (spread_ * std::abs(expected) + own[taxel]);
+    misfits += where[taxel] && std::abs(residual[taxel] - expected) > tolerance ? 1 : 0;
+  }
+  const bool fits = misfits <= kMisfits * count && std::abs(kelvin) <= kFastest * duration;
+  return fits && may_open() ? kelvin : 0.0;
+}
+
+void UniformChange::begin() {
+  if (!open()) {
+    open_ = 0.0;
+  }
+}
+
+bool UniformChange::is_refused(std::size_t odd, std::size_t judged, const Evidence& evidence, double duration) {
+  pause_ = std::max(pause_ - duration, 0.0);
+  if (!open()) {
+    return false;
+  }
+  open_ += duration;
+  bool wrong = static_cast<double>(odd) > kMisfits * static_cast<double>(judged);
+  if (open_ >= evidence.wait) {
+    const auto [claimed, shown, deviation, negligible, wait] = evidence;
+    const bool much = shown * claimed >= kConfirmed * claimed * claimed;
+    const bool resolved = std::abs(claimed - shown) > kDistinct * deviation;
+    wrong = wrong || (resolved && !much);
+    const bool confirmed = much && std::abs(shown) > kDistinct * deviation;
+    if (resolved || confirmed || std::abs(claimed - shown) <= negligible) {
+      close();
+    }
+  }
+  return wrong;
+}
+
+void UniformChange::refuse() {
+  close();
+  pause_ = kPause;
+}
+
+}  // namespace posfet

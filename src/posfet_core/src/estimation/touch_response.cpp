@@ -1,0 +1,88 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/touch_response.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace posfet {
+
+TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_constant,
+                             std::vector<double> newton_per_kelvin, const ErrorPriors& priors)
+    : tau_(std::move(time_constant)),
+      per_kelvin_(std::move(newton_per_kelvin)),
+      warmth_time_(priors.warmth_time),
+      creep_times_(priors.creep_times) {
+  const auto place = [](Taxel index, Taxel count) {
+    const double half = 0.5 * static_cast<double>(count - 1);
+    return (static_cast<double>(index) - half) / std::max(half, 0.5);
+  };
+  for (Taxel taxel = 0; taxel < layout.rows * layout.cols; ++taxel) {
+    x_.push_back(place(taxel % layout.cols, layout.cols));
+    y_.push_back(place(taxel / layout.cols, layout.rows));
+  }
+  reset();
+}
+
+void TouchResponse::reset() {
+  for (auto* values : {&charge_, &force_, &warm_}) {
+    values->assign(tau_.size(), 0.0);
+  }
+  for (auto& values : followed_) {
+    values.assign(tau_.size(), 0.0);
+  }
+  responding_ = false;
+}
+
+void TouchResponse::advance(const std::vector<double>& force, double duration, double leak) {
+  responding_ = responding_ || std::any_of(force.begin(), force.end(), [](double each) { return each != 0.0; });
+  if (!responding_) {
+    return;
+  }
+  for (std::size_t creep = 0; creep < kCreeps; ++creep) {
+    const double share = -std::expm1(-duration / creep_times_[creep]);
+    for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
+      followed_[creep][taxel] += share * (force[taxel] - followed_[creep][taxel]);
+    }
+  }
+  const double warming = -std::expm1(-duration / warmth_time_);
+  for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
+    const double ratio = duration / (tau_[taxel] * std::max(1.0 + leak, kLeastLeak));
+    const double left = std::exp(-ratio);
+    charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
+    force_[taxel] = force[taxel];
+    // Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
+    // force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up.
+    const double driven = -std::expm1(-force[taxel] / kWarmthForce);
+    warm_[taxel] += warming * (driven - warm_[taxel]);
+  }
+}
+
+void TouchResponse::matrix(std::vector<double>& response) const {
+  response.assign(tau_.size() * kSharedStates, 0.0);
+  const double total = std::accumulate(force_.begin(), force_.end(), 0.0);
+  const double moment_x = dot(force_.data(), x_.data(), force_.size());
+  const double moment_y = dot(force_.data(), y_.data(), force_.size());
+  for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
+    double* row = response.data() + taxel * kSharedStates;
+    row[kFilm] = per_kelvin_[taxel];
+    row[kBend] = total;
+    row[kBendX] = total * x_[taxel];
+    row[kBendY] = total * y_[taxel];
+    row[kBendMoment] = moment_x * x_[taxel] + moment_y * y_[taxel];
+    row[kLeak] = leaked(taxel);
+    row[kWarmth] = per_kelvin_[taxel] * warm_[taxel];
+    for (std::size_t creep = 0; creep < kCreeps; ++creep) {
+      row[kCreep + creep] = followed_[creep][taxel];
+    }
+  }
+}
+
+}  // namespace posfet

@@ -1,0 +1,990 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""The estimator of static force as it was in Python; posfet_core, estimation/force_estimator.hpp, says why."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import dropwhile, islice
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_core import scan_path
+from posfet_model._lib.reductions import any_true, upper_median
+from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
+from posfet_model.estimation.force_error_filter import OWN, Belief, ForceErrorFilter, start_belief
+from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
+from posfet_model.estimation.thermometers import Thermometers
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
+from reference.estimation.contact_surroundings import ContactSurroundings
+from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
+from reference.estimation.jump_noise import QUIET, JumpNoise
+from reference.estimation.known_forces import (
+    GATE,
+    NEGATIVE_TIME,
+    RELEASED_BLOCKS,
+    STILL_BLOCKS,
+    ReleaseDetector,
+    UnexplainedResiduals,
+    UniformChange,
+)
+from reference.estimation.rest_detector import RestDetector
+from reference.estimation.steady_force import HOP, steady_force
+from reference.estimation.temperature_walk import TemperatureWalk
+from reference.estimation.touch_response import TouchResponse
+from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+
+BLOCK: Final = 0.02
+"""Duration of a block [s]."""
+
+LAG: Final = 16
+"""Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch."""
+
+SETTLE_TIME: Final = 0.1
+"""Time for which a taxel must be consistent with a constant force before its offset counts as known [s]."""
+
+RESUME_TIME: Final = 0.04
+"""No force is valid for this long after an interruption [s]."""
+
+LOST_FORCE_TIME: Final = 2.0
+"""Time after which a force without which an object released counts as none after an interruption [s]."""
+
+SURPRISING: Final = 3.0
+"""Deviations from which on a reading of the temperature sensors is unexpected [1]."""
+
+LONG_STEP: Final = 0.05
+"""h/tau above which the time of a force change within a step matters [1]."""
+
+RUNAWAY: Final = 4.0
+"""A taxel restarts when its force exceeds this many times the greatest force of the device [1]; a saturated taxel may
+exceed the greatest force."""
+
+REJECTED: Final = 3.0
+"""Factor on the prior deviation of the residual charge after that prior was rejected [1]."""
+
+RESTART_DEVIATION: Final = 0.1
+"""Standard uncertainty of an offset that was known when its taxel restarted [contact threshold]."""
+
+OFFSET_SPREAD: Final = 2.0
+"""Greatest deviation of an untouched taxel's offset from the median offset [contact threshold]; a larger one requires a
+longer rest."""
+
+LARGEST_LAG_STEP: Final = 0.5
+"""Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then."""
+
+LONGEST_INTERVAL: Final = 0.1
+"""Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
+
+REPEATED: Final = 0.15
+"""Time after which a reading of the temperature sensors that has not changed counts again [s]: one and a half
+intervals of board status."""
+
+SAME_ERROR: Final = 1.0
+"""Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time."""
+
+CORRELATED: Final = 50.0
+"""Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
+
+LEAST_TAIL: Final = 1e-4
+"""Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
+
+NOTICEABLE: Final = 0.3
+"""Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
+
+OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT)))
+"""Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
+tell nothing of the shared states."""
+
+DRIFTING: Final = np.eye(COUNT)[Shared.DRIFT]
+"""Change of the shared states with the common drift."""
+
+LEAST_DEVIATION: Final = 1.0
+"""Deviation of the total force that is always accepted [contact threshold]."""
+
+HOTTEST: Final = 1e3
+"""Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none."""
+
+GREATEST_WARMTH: Final = 0.08
+"""Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
+
+NEGLIGIBLE: Final = 1e-12
+"""Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
+
+PLAY: Final = 4.0
+"""Deviations of a block's mean by which a force must change to have moved [1]."""
+
+ABSORBED_TIME: Final = 1.0
+"""Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
+tells of the errors is no slow press."""
+
+
+@dataclass
+class Block:
+    """What a block measured: kept until no touch can have begun in it."""
+
+    mean: Array
+    """Mean of the uncorrected forces F^ [N]."""
+    noise: Array
+    """Variance of its noise [N2]."""
+    duration: float
+    """Its duration [s]."""
+    charge: Array
+    """Mean of the charge, as a force, up to a constant [N]."""
+    span: float
+    """Time from the middle of the block before to its own [s]."""
+    reading: float
+    """New mean reading of the temperature sensors [K]; NaN: none."""
+    reading_variance: float
+    """Variance of its noise [K2]."""
+    interval: float
+    """Time since the reading before [s]."""
+    listed: Mask
+    """Taxels in contact."""
+    touched: Mask
+    """These, and those whose residual was unexplained."""
+    response: Array
+    """Responses of the force errors to the shared states, shape [taxels, COUNT]."""
+    neighbour: Array
+    """Greatest force of a neighbour [N]; 0 where nothing touches."""
+    tail: Array
+    """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
+    tail_moved: float
+    """Share of that force that is new [1]."""
+    own_noise: Array
+    """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
+    rate_noise: float
+    """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
+    before: Belief
+    """Belief before this block."""
+
+
+def _of_scans(name: str) -> Any:
+    """Return a property that is an attribute of the compiled integration."""
+    return property(
+        lambda self: getattr(self.integration, name), lambda self, value: setattr(self.integration, name, value)
+    )
+
+
+class ForceEstimator:
+    """Force of every taxel with its covariance, from charge densities; arrays row by row, shape [rows * cols].
+
+    `integration` takes each scan; call `start` with the first one, and `close_block` whenever `block_time` has reached
+    `BLOCK`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a negative force once
+    the load is released, and zero soon after.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+    priors : ErrorPriors, optional
+        How well everything is known; None: the defaults.
+    calibration : Calibration, optional
+        Properties of each taxel; None: nominal ones from the description.
+    max_relative_uncertainty : float, default 0.2
+        Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
+        are not valid [1].
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        priors: ErrorPriors | None = None,
+        calibration: Calibration | None = None,
+        max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY,
+    ) -> None:
+        taxels, device = sensor.layout.taxels, sensor.device
+        calibration = calibration or Calibration.nominal(sensor)
+        self._priors = p = (priors or ErrorPriors()).with_calibration(calibration)
+        gain, noise = calibration.usable_gain, force_noise_rms(sensor)
+        self._tau = calibration.leak_time_constant.copy()
+        self._per_second = 1.0 / self._tau
+        newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self._threshold = sensor.contact.threshold
+        self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
+        self._per_kelvin[taxels * HOTTEST * np.abs(self._per_kelvin) < LEAST_DEVIATION * self._threshold] = 0.0
+        self._mean_per_kelvin = float(self._per_kelvin.mean())
+        self._noise_variance = np.full(taxels, noise**2)
+        whole = float(np.abs(self._per_kelvin).sum())
+        self._negligible = LEAST_DEVIATION * self._threshold / whole if whole else math.inf
+        self.max_relative_uncertainty = max_relative_uncertainty
+        """Standard deviation of the total force over that force above which forces are not valid; may change."""
+        self._runaway = RUNAWAY * device.force_max
+        self.integration = self._integration = scan_path.ForceIntegration(
+            self._tau,
+            1.0 / (charge_per_newton(sensor) * gain),
+            self._per_kelvin,
+            LONG_STEP * float(self._tau.min()),
+            greatest_loss=LEAST_DEVIATION * self._threshold,
+            noticeable=NOTICEABLE * self._threshold,
+            fastest=UniformChange.FASTEST,
+            negligible=self._negligible,
+            causes=COUNT + 3,
+        )
+        """What happens in every scan, and the state that it changes."""
+        lag = calibration.thermal_time_constant
+        self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
+        self._dynamics = SharedDynamics(p, self._film_lag)
+        self._gain = np.hypot(calibration.gain_deviation, p.gain_least)
+        self._gain_common = calibration.common_gain_deviation
+        self._leak = calibration.leak_deviation
+        self._filter = ForceErrorFilter(start_belief(taxels, start_mean(p), start_covariance(p)))
+        self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
+        self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
+        self._unexplained = UnexplainedResiduals(taxels, self._threshold)
+        self._release = ReleaseDetector(taxels)
+        self._jumps = JumpNoise(self._tau)
+        self._walk = TemperatureWalk(p.film_walk, self._film_lag)
+        self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
+        self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
+        self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
+        self._surroundings = ContactSurroundings(sensor.layout)
+        self._left = p.left_charge / sensor.volts_per_newton
+        self._left_deviation = np.full(taxels, self._left)
+        self.film: Thermometers = self._integration.thermometers
+        """The chip's temperature sensors."""
+        self.force = self._integration.force
+        """Estimated force [N], positive when pushed; valid where `offset_known`. Owned by the estimator."""
+        self.offset_known = self._integration.offset_known
+        """Taxels whose offset is known."""
+        self.ignored = self._integration.ignored
+        """Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`."""
+        self.restarts = 0
+        """Number of restarts of taxels whose signal was consistent with no force."""
+        self._make_state(taxels)
+        self._start_block()
+
+    def _make_state(self, taxels: int) -> None:
+        self.informative = np.zeros(taxels, np.bool_)
+        """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
+        self._recovering, self._agreed, self._unread, self._last_duration = 0.0, 0.0, 0.0, BLOCK
+        self._blocks: deque[Block] = deque(maxlen=LAG)
+        self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
+        self._unobserved, self._leaked = 0, np.zeros(taxels)
+        self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
+        self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
+        self._rested = 0.0  # time since a contact was listed [s]
+        self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
+        scans = self._integration
+        self._raw, self._change, self._correction, self._rate = scans.raw, scans.change, scans.correction, scans.rate
+        self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
+        self._lost = scans.lost  # deviation of what leaked in lost scans, common to all taxels [N]
+        self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
+        self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
+        self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
+        self._untouched_time, self._absorbed = np.zeros((2, taxels))
+        self._factor = scans.correlated_error
+        self._drift_response = np.zeros((taxels, COUNT))
+        self._drift_response[:, Shared.DRIFT] = 1.0
+        self._listed, self._touched, self._beside, self._nowhere = np.zeros((4, taxels), np.bool_)
+
+    # What changes from scan to scan is held by the compiled path.
+    valid: bool = _of_scans("valid")
+    """Whether the forces of all taxels are valid."""
+    _started: bool = _of_scans("started")
+    _age: float = _of_scans("age")
+    _scans: float = _of_scans("scans")
+    _elapsed: float = _of_scans("elapsed")
+    _square: float = _of_scans("square")
+    _reading: float = _of_scans("reading")
+    _sensors: float = _of_scans("sensors")
+
+    @property
+    def block_time(self) -> float:
+        """Duration of the current block so far [s]."""
+        return self._elapsed
+
+    @property
+    def block_mean(self) -> Array:
+        """Mean of `force` over the block that is due [N], shape [rows * cols]."""
+        return self._sum / self._scans
+
+    @property
+    def residual_charge(self) -> Array:
+        """Charge at each gate, as the force that would generate it [N], shape [rows * cols]."""
+        charge: Array = self._integration.signal - self._offset()
+        return charge
+
+    @property
+    def change(self) -> Array:
+        """Change of each force in the last step according to the signals [N], shape [rows * cols]."""
+        return self._change
+
+    @property
+    def belief(self) -> Belief:
+        """Means and covariance of the states."""
+        return self._filter.belief
+
+    @property
+    def correlated_error(self) -> Array:
+        """Factor E of the covariance E E' that the forces share [N], shape [rows * cols, causes]."""
+        return self._factor
+
+    def force_variance(self, out: Array) -> Array:
+        """Return in `out` the variance of each force that it does not share with others [N2], shape [rows * cols]."""
+        np.add(self._own, self._noise_variance, out=out)
+        return out
+
+    def variance(self, out: Array) -> Array:
+        """Return in `out` the variance that each force would have without a touch [N2].
+
+        It does not include what a touch itself makes uncertain: leaked charge, creep and warmth.
+
+        Parameters
+        ----------
+        out : ndarray of float64, shape [rows * cols]
+            Overwritten by the result.
+        """
+        np.add(self._untouched_variance, self._noise_variance, out=out)
+        return out
+
+    def ignore(self, taxels: Mask) -> None:
+        """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
+        self._apply_clipped()
+        back = self.ignored & ~taxels
+        self.ignored[:] = taxels
+        if back.any():
+            self._restart(back)
+
+    def set_noise_variance(self, variance: Array) -> None:
+        """Set the variance of a reading of each taxel [N2], shape [rows * cols]; initially that of the description."""
+        self._noise_variance[:] = variance
+
+    def interrupt(self) -> None:
+        """Record that an unknown time passes before the next scan: changes of the force in it are unknown.
+
+        Offsets stay known. At the next scan the force is set to the remaining charge, a lower bound of the force.
+        """
+        self._started = self.valid = False
+        self._recovering = RESUME_TIME
+
+    def _apply_clipped(self) -> None:
+        """Increase the variance of saturated taxels by the leakage that the clipped signal did not show."""
+        clipped, own = self._integration.clipped, self.belief.own
+        if any_true(clipped > 0.0):
+            own[:, 0, 0] = np.where(
+                clipped > 0.0, (np.sqrt(np.maximum(own[:, 0, 0], 0.0)) + clipped) ** 2, own[:, 0, 0]
+            )
+            clipped[:] = 0.0
+
+    def tare(self, forced: bool = False) -> Array:
+        """Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time.
+
+        Parameters
+        ----------
+        forced : bool, optional
+            Whether forces may be applied: those of the newest scan are set to zero, and none remains a lower bound.
+            Otherwise the mean forces of the last block are set to zero, which have less noise.
+
+        Returns
+        -------
+        ndarray of float64, shape [rows * cols]
+            Correction that was added to each force [N]; 0 for ignored taxels.
+        """
+        self._apply_clipped()
+        change: Array = np.where(self.ignored, 0.0, -self.force if forced else -self._mean)
+        belief = self.belief
+        belief.error[:, 0] -= change
+        belief.own[:, 0, 0] += self._noise_variance
+        self._correction -= change
+        self.force += change
+        self._usual -= change
+        self._mean = self._mean + change
+        self._blocks.clear()
+        self._drop_hypothesis()
+        if forced:
+            self._lower_bound.mask[:] = False
+            self._unexplained.reset()
+            self._touch.reset()
+            self._touched[:] = self._beside[:] = False
+            self._integration.watch_none()
+        self._start_block()
+        return change
+
+    def close_block(self, touched: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
+        """Process the block that is due.
+
+        Parameters
+        ----------
+        touched : ndarray of bool, shape [rows * cols]
+            Taxels in contact at any time of the block. Has no effect where the offset is unknown: there a constant
+            force is as informative as no force.
+        contacts : sequence of ndarray of int
+            Taxels of each contact.
+        """
+        self._apply_clipped()
+        listed = touched & self.offset_known
+        if any_true(lost := self._unreleased(listed)):
+            listed = listed | lost
+            contacts = (*contacts, lost.nonzero()[0])
+        touched = listed | (self._unexplained.rising & self.offset_known)
+        if any_true(self._lower_bound.mask):
+            # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
+            touched |= self._surroundings.dilated(self._lower_bound.mask) & self.offset_known
+        block, beside = self._measure(touched, listed)
+        begun = touched & ~self._touched & ~self._beside
+        self._observe_rest(any_true(listed))
+        self._blocks.append(block)
+        if self._unheated is not None:
+            self._predict(self._unheated, block)
+            self._measure_temperature(self._unheated, block, zeros=False)
+        if any_true(begun):
+            self._process_again(touched)
+        else:
+            self._step(block)
+        if any_true(listed) and any_true(new := listed & ~self._listed):
+            self._suspect_absorbed(new)
+        self._listed = listed
+        self._observe_steady_force()
+        variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
+        released = self._release.update(
+            contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
+        )
+        if released is not None:
+            self.belief.own[:, 0, 0] += np.where(released, self._absorbed * self._absorbed, 0.0)
+            self._set_zero(released, block)
+        if any_true(self._lower_bound.mask):
+            self._end_unknown_touch(block)
+        self._touched, self._beside = touched, beside
+        self._finish(block)
+
+    def _unreleased(self, listed: Mask) -> Mask:
+        """Return the taxels of a contact with the whole array that became uncertain, and was not released.
+
+        No untouched taxel shows the film's temperature: the uncertainty grows until the contact is no longer
+        significant. That is no evidence of zero forces.
+        """
+        usable = ~self.ignored
+        if np.count_nonzero(usable & ~self._touched) >= UniformChange.FEWEST:
+            return self._nowhere
+        return usable & self._touched & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
+
+    def _observe_rest(self, listed: bool) -> None:
+        """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
+        self._rested = 0.0 if listed else self._rested + self._elapsed
+        if len(self._blocks) < LAG or self._rested < LAG * BLOCK + QUIET:
+            self._walk.pause()
+            return
+        usable = ~self.ignored
+        if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
+            return
+        before, after, later = self._blocks[0], self._blocks[1], self._blocks[2]
+        drift = self._offset() * self._per_second
+        change = after.mean - before.mean - after.span * drift
+        # What all have in common is the film's temperature.
+        kelvin = upper_median((change / self._per_kelvin)[usable])
+        change += later.mean - after.mean - later.span * drift
+        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
+        self._jumps.observe(usable, change, after.noise, after.span)
+        single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
+        noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
+        known = self._walk.intensity
+        self._walk.observe(kelvin, noise, after.span)
+        if (grown := self._walk.intensity - known) > 0.0:
+            # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
+            self._filter.admit(DRIFTING, self._mean_per_kelvin**2 * grown / self._age)
+        self._dynamics.set_film_walk(self._walk.intensity)
+
+    def _observe_steady_force(self) -> None:
+        """Update the shared states by a force that has been steady in all stored blocks."""
+        self._unobserved += 1
+        if len(self._blocks) < LAG or self._unobserved < HOP or not any_true(self._blocks[-1].listed):
+            return
+        self._unobserved = 0
+        blocks = tuple(self._blocks)
+        held = np.logical_and.reduce([block.listed for block in blocks]) & ~self.ignored & ~self._lower_bound.mask
+        if not any_true(held):
+            return
+        belief = self.belief
+        kelvin = abs(float(self._per_kelvin[held].sum()))
+        film = [float(block.before.shared[Shared.FILM]) for block in blocks]
+        rate = math.sqrt(belief.covariance[Shared.RATE, Shared.RATE])
+        time = np.cumsum([block.span for block in blocks])
+        response = np.array([block.response[held] for block in blocks])
+        charge = np.array([block.charge[held] for block in blocks])
+        response[:, :, Shared.LEAK] = -charge  # as it is, whatever its time constant
+        force = np.array([block.mean[held] for block in blocks]) - self.belief.error[held, 0] - response @ belief.shared
+        response[:, :, Shared.FILM] = 0.0  # the only one of these states that is not constant
+        found = steady_force(
+            time,
+            force,
+            charge,
+            response.sum(axis=1),
+            kelvin * (max(film) - min(film) + rate * float(time[-1] - time[0])),
+            float(blocks[-1].noise[held].sum()),
+        )
+        if found is None:
+            return
+        expected = float(found.sensitivity @ belief.covariance @ found.sensitivity) + found.variance
+        if found.innovation**2 < SURPRISING**2 * expected:
+            self._filter.measure_shared(found.innovation, found.sensitivity, found.variance)
+
+    def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
+        """Return the block that is due, and the taxels beside a touched one."""
+        mean = self._sum / self._scans
+        self._mean = mean
+        leaked = self._raw - self._integration.signal
+        charge = (leaked - self._leaked) * (self._tau / self._elapsed)  # what leaks in a block is its mean charge
+        self._leaked = leaked
+        self._unread += self._elapsed
+        repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
+        if repeated:
+            self._reading = self._sensors
+        any_touched = any_true(touched)
+        near = self._surroundings.dilated(touched) if any_touched else touched
+        # Noise is no motion: without this play its path would count, which is long after a minute.
+        play = PLAY * np.sqrt(self._noise_variance / self._scans)
+        self._steady = np.minimum(np.maximum(self._steady, mean - play), mean + play)
+        force = self._nothing
+        if any_true(listed):
+            force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
+        self._touch.advance(force, self._elapsed, float(self.belief.shared[Shared.LEAK]))
+        response = self._touch.matrix()
+        neighbour = tail = self._nothing
+        if any_touched:
+            least = 0.1 * self._threshold
+            felt = self._surroundings.completed(np.where(self.ignored, math.nan, np.abs(self._steady)), least)
+            neighbour = self._surroundings.greatest_neighbour(felt)
+            tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, least))
+        p = self._priors
+        held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
+        warm = self._touch.warm
+        span = 0.5 * (self._last_duration + self._elapsed)
+        own_noise = np.zeros((len(mean), OWN, OWN))
+        own_noise[:, :2, :2] = p.offset_walk**2 * span
+        grown = own_noise[:, 0, 0]
+        grown += self._noise_variance * (self._square * self._per_second**2)
+        grown += self._jumped
+        grown += self._jumps.variance(span)
+        tail_moved = 0.0
+        if any_touched or self._touch.responding or any_true(self._touched):
+            spread = self._tail_spread()
+            grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
+            own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
+            own_noise[:, 2, 2] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
+            whole = float(np.maximum(tail, self._tail).sum())
+            tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
+        total, before = float(held.sum()), float(self._touch_force.sum())
+        self._touch_force, self._tail, self._warmth = held, tail, warm * warm
+        block = Block(
+            self._raw_sum / self._scans,
+            self._noise_variance / self._scans,
+            self._elapsed,
+            charge,
+            span,
+            self._reading,
+            self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
+            min(self._unread, LONGEST_INTERVAL),
+            listed,
+            touched,
+            response,
+            neighbour,
+            tail,
+            tail_moved,
+            own_noise,
+            (p.touch_rate**2) * abs(total - before) * max(total, before),
+            self.belief.copy(),
+        )
+        self._last_duration = self._elapsed
+        if not math.isnan(self._reading):
+            self._reading, self._unread = math.nan, 0.0
+        return block, near
+
+    def _tail_spread(self) -> float:
+        """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
+
+        As much as that itself, which is far from its prior where forces do not decline geometrically: beside a pad.
+        """
+        return max(self._priors.tail, abs(float(self.belief.shared[Shared.TAIL])))
+
+    def _offset(self) -> Array:
+        """Return the offset of each signal [N], with what all have in common."""
+        offset: Array = self.belief.error[:, 1] + self._tau * self.belief.shared[Shared.DRIFT]
+        return offset
+
+    def _integrated(self, time: float | Array) -> tuple[Array, Array]:
+        """Return what the offsets and the common drift add to the force errors in a time [s], as for `integrate`."""
+        return time * self._per_second, np.multiply(self._drift_response.T, time).T
+
+    def _process_again(self, touched: Mask) -> None:
+        """Process the stored blocks again without the taxels that a touch, it turned out, had begun on."""
+        self._filter.belief = self._blocks[0].before
+        for block in tuple(self._blocks):  # the newest one may restart taxels, which forgets them
+            block.before = self.belief.copy()
+            block.touched = block.touched | touched
+            self._step(block)
+
+    def _suspect_absorbed(self, new: Mask) -> None:
+        """Set what a slow press may have lost to the zeros before, where taxels are newly listed.
+
+        It counts in the deviation only: the filter would explain the rest of the press by it.
+        """
+        pressed = self._surroundings.dilated(new) & ~self._listed
+        lost = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
+        self._absorbed = np.where(pressed, lost, self._absorbed)
+
+    def _step(self, block: Block) -> None:
+        """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
+        beside = self._predict(self._filter, block)
+        own = self.belief.own[:, 1, 1]
+        np.maximum(own, self._jumps.least_offset_variance(), out=own)
+        zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
+        self._measure_temperature(self._filter, block, any_true(zeros))
+        self._measure_zeros(block, beside)
+
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
+        """Update a belief by a new reading of the temperature sensors, if there is one.
+
+        An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
+        determine the temperature of the film, or if no change of the rate explains it, it shows only that the sensors
+        differ from their model, and is weighted down.
+        """
+        if math.isnan(block.reading):
+            return
+        variance = block.reading_variance
+        innovation, _, total = f.temperature_innovation(block.reading, variance)
+        surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        if surprising and not zeros:
+            rate = min(abs(innovation) / block.interval, self._priors.fastest)
+            f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
+            innovation, _, total = f.temperature_innovation(block.reading, variance)
+            surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        if surprising:
+            variance += (innovation / SURPRISING) ** 2
+        # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
+        _, column, total = f.temperature_innovation(block.reading, variance)
+        variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
+        f.measure_temperature(block.reading, variance)
+
+    def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
+        """Propagate a belief over a block; return the taxels beside a contact."""
+        p, belief = self._priors, errors.belief
+        beside: Mask = ~block.touched & (block.neighbour > 0.0)
+        belief.forget_small_forces(~beside)
+        own_noise = block.own_noise.copy()
+        fresh = beside & (belief.own[:, 2, 2] == 0.0)
+        if any_true(fresh):
+            small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
+            own_noise[fresh, 2, 2] = (small * small)[fresh]
+        after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
+        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
+        noise[Shared.RATE, Shared.RATE] += block.rate_noise
+        belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
+        errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
+        return beside
+
+    def _measure_zeros(self, block: Block, beside: Mask) -> None:
+        """Update by the forces that are known to be zero or small."""
+        judged = (~block.listed | ~self.offset_known) & ~self.ignored
+        where = (~block.touched | ~self.offset_known) & ~self.ignored
+        if not any_true(judged):
+            return
+        p, f = self._priors, self._filter
+        response, measured, some_beside = block.response, block.mean, any_true(beside)
+        noise = block.noise + CORRELATED * self._warmth_variance(block)
+        if some_beside:
+            # What the shared states predict of the small force stays subtracted, as it is from the force.
+            measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
+            response = np.where(beside[:, None], response * ~OF_TOUCH, response)
+            response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
+            noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
+        residual, sensitivity, deviation = f.innovation(measured, response, noise)
+        odd = np.abs(residual) > GATE * deviation
+        listed = any_true(block.listed)
+        if listed or any_true(odd & where):
+            own = f.own_deviation(deviation, sensitivity, noise)
+            kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration, listed)
+            if kelvin:
+                if kelvin * self._mean_per_kelvin > 0.0 and not listed:
+                    self._open_hypothesis(block)
+                direction = self._dynamics.maneuver(f.belief.shared, block.duration)
+                f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
+                noise = noise + (p.pyroelectric * kelvin * self._per_kelvin) ** 2
+                residual, sensitivity, deviation = f.innovation(measured, response, noise)
+                own = f.own_deviation(deviation, sensitivity, noise)
+                odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
+        f.update(where & ~odd, residual, sensitivity, noise)
+        faulty = self.ignored & self.offset_known & ~block.listed
+        if any_true(faulty):
+            # A noisy taxel still counts in a contact, and so must be zero before it.
+            f.update_alone(
+                faulty & ~block.touched & ~odd, f.innovation(measured, response, noise)[0], sensitivity, noise
+            )
+        if block is self._blocks[-1]:
+            watched = judged | faulty
+            odd |= self._unexplained.persistent(watched & ~block.touched, residual / deviation)
+            self._judge(block, watched & odd, judged, residual)
+
+    def _open_hypothesis(self, block: Block) -> None:
+        """Open the hypothesis that a block shows a warmer film, and go on without it, too."""
+        if self._unheated is not None:
+            return
+        self._uniform.begin()
+        self._unheated = ForceErrorFilter(self.belief.copy())
+        self._expected_film, self._expected_rate = self.belief.shared[[Shared.FILM, Shared.RATE]].tolist()
+        from_here = dropwhile(lambda other: other is not block, self._blocks)
+        for later in islice(from_here, 1, None):
+            self._predict(self._unheated, later)
+
+    def _drop_hypothesis(self) -> None:
+        """Keep the belief as it is: what the other one would say no longer matters."""
+        self._uniform.close()
+        self._unheated, self._doubt = None, 0.0
+
+    def _judge(self, block: Block, odd: Mask, where: Mask, residual: Array) -> None:
+        """Act on the residuals of the newest block that no state explains."""
+        shared, unheated = self.belief.shared, self._unheated
+        claimed = shown = deviation = math.nan
+        if unheated is not None:
+            before, film = unheated.belief.shared, unheated.belief.covariance[Shared.FILM, Shared.FILM]
+            self._expected_film += self._expected_rate * block.duration
+            claimed = float(shared[Shared.FILM]) - self._expected_film
+            shown = float(before[Shared.FILM]) - self._expected_film
+            deviation = math.sqrt(max(float(film), 0.0))
+            shared = before  # the hypothesis itself makes the sensors' lag seem longer
+        wait = UniformChange.CONFIRMATION + 2.0 * self._dynamics.sensor_lag(shared)
+        if math.isnan(block.reading):
+            wait += UniformChange.INTERVAL
+        if self._uniform.is_refused(odd, where, claimed, shown, deviation, self._negligible, wait, block.duration):
+            self._uniform.refuse()
+            if unheated is not None:
+                self._filter.belief = unheated.belief
+                residual = block.mean - self._filter.predicted(block.response)
+                odd = where & (residual > 0.0)
+                self._blocks.clear()
+        if not self._uniform.open:
+            self._unheated = None
+        self._doubt = claimed - shown if self._unheated is not None else 0.0
+        unknown = odd & ~self.offset_known
+        if any_true(unknown):
+            self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
+            self.restarts += int(np.count_nonzero(unknown))
+            self._restart(unknown)
+        errors = self._unexplained.update(
+            odd & self.offset_known, residual, block.mean, np.sqrt(block.noise), block.duration
+        )
+        if errors is not None and errors.any():
+            self.belief.own[errors, 0, 0] += residual[errors] ** 2
+
+    def _set_zero(self, where: Mask, block: Block) -> None:
+        """Update by the zero forces of released taxels."""
+        noise = block.noise + CORRELATED * (self._warmth_variance(block) + LEAST_TAIL**2)
+        residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
+        self._filter.update(where, residual, sensitivity, noise)
+
+    def _end_unknown_touch(self, block: Block) -> None:
+        """End the touches since before an interruption: where forces stay below zero, they are zero."""
+        noise, mean = np.sqrt(block.noise), self._mean
+        still = np.abs(mean - self._last_mean) <= GATE * math.sqrt(2.0) * noise
+        limit = np.full(len(mean), self._threshold)
+        ended = self._negative.update(self._lower_bound.mask, mean, limit, still, block.duration)
+        self._lower_bound.update(np.where(ended, mean, np.maximum(mean, 0.0)), block.duration)
+        self._last_mean = mean
+        if ended.any():
+            belief = self.belief
+            belief.error[ended, 0] += mean[ended]
+            belief.forget(ended, 0)
+            belief.own[ended, 0, 0] = noise[ended] ** 2
+
+    def _warmth_variance(self, block: Block) -> Array:
+        """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
+        p = self._priors
+        level = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[Shared.WARMTH]))
+        variance: Array = (level * block.response[:, Shared.WARMTH]) ** 2
+        return variance
+
+    def _shared_variance(self) -> Array:
+        variance: Array = np.einsum("ij,ij->i", self._factor, self._factor)
+        return variance
+
+    def _finish(self, block: Block) -> None:
+        """Set the correction of the next scans, covariance and validity."""
+        belief = self.belief
+        leaking = self._offset() * self._per_second
+        self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
+        self._correction[:] = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
+        np.subtract(self._raw, self._correction, out=self.force)
+        self._mean = block.mean - self._filter.predicted(block.response)
+        self._set_covariance(block)
+        self._usual += block.duration * leaking
+        self._untouched_time = np.where(self._touched, 0.0, self._untouched_time + block.duration)
+        share = block.duration / np.clip(self._untouched_time, block.duration, ABSORBED_TIME)
+        self._usual += np.where(self._touched, 0.0, share * (belief.error[:, 0] - self._usual))
+        self._agreed += block.duration
+        self._recovering = max(0.0, self._recovering - block.duration)
+        failed = np.abs(self.force) > self._runaway
+        if any_true(failed):
+            self.restarts += int(np.count_nonzero(failed & ~self.ignored))
+            self._restart(failed)
+        self._confirm_offsets(block.duration)
+        self.valid = self._is_valid()
+        self._prepare_compensation(block)
+        self._start_block()
+
+    def _prepare_compensation(self, block: Block) -> None:
+        """Choose the untouched taxels that show the film's temperature scan by scan during a touch.
+
+        Their small forces stay as they are until the next block. The share of a uniform change that is the film's is
+        the gain of the Kalman filter of a random walk, in its limits of much and of little noise.
+        """
+        untouched = ~(self._touched | self.ignored) & self.offset_known
+        # Fewer than half of the taxels are all at the edge of what touches, and change with it.
+        enough = max(UniformChange.FEWEST, len(untouched) // 2)
+        if not (self._touched.any() and self._uniform.observable and untouched.sum() >= enough):
+            self._integration.watch_none()
+            return
+        watched = untouched.nonzero()[0]
+        deviation = math.sqrt(float(self._noise_variance[watched].mean()) / len(watched))
+        walk = abs(self._mean_per_kelvin) * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
+        walk *= block.duration / self._scans
+        self._integration.watch(watched, self._mean[watched], walk / (walk + deviation))
+
+    def _film_rate(self) -> float:
+        """Return the rate of the film's temperature [K/s]."""
+        shared = self.belief.shared
+        if self._film_lag > 0.0:
+            return float(shared[Shared.CHIP] - shared[Shared.FILM]) / self._film_lag
+        return float(shared[Shared.RATE])
+
+    def _set_covariance(self, block: Block) -> None:
+        held, belief = np.maximum(self.force * self._touched, 0.0), self.belief
+        own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
+        # The covariance without the responses to the touch itself, and without what the taxel's own response to a
+        # temperature contributes, which grows during a touch only.
+        sensitivity = block.response * ~OF_TOUCH + belief.slope[:, 0]
+        by_response = belief.own[:, 0, 3] ** 2 / np.maximum(belief.own[:, 3, 3], NEGLIGIBLE)
+        self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
+        self._factor[:, COUNT] = self._gain_common * held
+        self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
+        self._lost[~self._touched] = 0.0
+        self._factor[:, COUNT + 2] = self._lost
+        if not any_true(self._listed):
+            self._absorbed[:] = 0.0
+        own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
+        own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
+        own += self._absorbed * self._absorbed
+        self._own = own
+
+    def _is_valid(self) -> bool:
+        sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask | self.ignored
+        touched = self._touched & ~self.ignored
+        any_touched = any_true(touched)
+        self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
+        hidden = self._unexplained.rising & self.ignored & self.informative
+        missing = float(self._mean.sum(where=hidden))
+        if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
+            return False
+        if missing > LEAST_DEVIATION * self._threshold:
+            return False
+        if not any_touched:
+            return True
+        if abs(float(self.belief.shared[Shared.WARMTH])) > GREATEST_WARMTH:
+            return False
+        variance = float(self._own[touched].sum() + np.square(self._factor[touched].sum(axis=0)).sum())
+        greatest = max(self._recent_force)  # a release makes the force small before it is found
+        return math.sqrt(variance) <= max(self.max_relative_uncertainty * greatest, LEAST_DEVIATION * self._threshold)
+
+    def _confirm_offsets(self, duration: float) -> None:
+        """Mark offsets as known once the array has been still."""
+        if self.offset_known.all():
+            return
+        # What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
+        warming = self._uniform.observable or self._warms()
+        at_rest = self._rest.update(self._integration.signal, self.ignored, duration, warming)
+        if self._rest.moved:
+            self._restart(~self.offset_known)
+        elif at_rest and self._agreed >= SETTLE_TIME:
+            self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
+
+    def _warms(self) -> bool:
+        """Return whether the temperature of the chip certainly changes."""
+        rate, variance = self.belief.shared[Shared.RATE], self.belief.covariance[Shared.RATE, Shared.RATE]
+        return abs(float(rate)) > 3.0 * math.sqrt(variance)
+
+    def start(self, charge: Array) -> None:
+        """Start with a scan that has no predecessor.
+
+        Parameters
+        ----------
+        charge : ndarray of float64, shape [rows * cols]
+            Charge densities [C/m2].
+        """
+        self._apply_clipped()
+        self._integration.start(charge)
+        self._leaked = self._raw - self._integration.signal
+        self._last_duration = BLOCK
+        signal, belief = self._integration.signal, self.belief
+        if not math.isnan(self._sensors):
+            p = self._priors
+            self._filter.restart_temperature(self._sensors, start_mean(p), start_covariance(p))
+        remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
+        known = ~self.ignored
+        self._lower_bound.start(self.force * known, remaining * known)
+        self.force[:] = np.maximum(remaining, 0.0)
+        self._correction[:] = self._raw - self.force
+        belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
+        belief.forget(np.ones(len(signal), np.bool_), 0)
+        belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
+        belief.integrate(*self._integrated(-0.5 * self._last_duration))
+        self._usual[:] = belief.error[:, 0]
+        self._blocks.clear()
+        self._drop_hypothesis()
+        self._recent_force.clear()
+        self._negative.reset(slice(None))
+        self._unexplained.reset()
+        self._started = True
+        self._rest.start(signal)
+        self._integration.watch_none()
+        self._restart(~self.offset_known)
+        self._start_block()
+
+    def _restart(self, where: Mask) -> None:
+        """Restart the masked taxels: no force, and the signal is offset, or charge left by an earlier force.
+
+        After each rejection the deviation of that charge is larger.
+        """
+        if not where.any():
+            return
+        belief, noise = self.belief, self._noise_variance
+        new, known = where & ~self.offset_known, where & self.offset_known
+        belief.slope[where] = 0.0
+        belief.error[where, 3] = 0.0
+        belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
+        belief.error[where, 2] = 0.0
+        belief.own[where] = 0.0
+        belief.own[where, 3, 3] = self._priors.pyroelectric**2
+        # The offset has the noise of the signal that it is set to; so has the force.
+        # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
+        charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)
+        drift, rate = belief.shared[[Shared.DRIFT, Shared.RATE]]
+        belief.error[new, 1] = (self._integration.signal - self._tau * drift - charge * rate)[new]
+        belief.slope[new, 1, Shared.RATE] = -charge[new]
+        belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
+        belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
+        self._left_deviation[known] = self._left
+        belief.own[known, 0, 0] = noise[known]
+        belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
+        belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
+        self._rate[where] = (self._offset() / self._tau)[where]
+        self.offset_known[where] = False
+        self._correction[where] = self._raw[where]
+        self.force[where] = 0.0
+        self._usual[where] = belief.error[where, 0]
+        self._agreed = 0.0
+        self._blocks.clear()
+
+    def _start_block(self) -> None:
+        may_remove = self._uniform.pause <= 0.0 and self._uniform.observable and not any_true(self._touched)
+        self._integration.start_block(may_remove)
