@@ -22,7 +22,7 @@ namespace {
 
 Taxel count_of(const TaxelFaultDetector& detector) { return static_cast<Taxel>(detector.taxels()); }
 
-bool close_block(TaxelFaultDetector& detector, double duration, const Values& force, const Values& variance,
+bool test_block(TaxelFaultDetector& detector, double duration, const Values& force, const Values& variance,
                  const Values& charge, const Tested& saturated, const Tested& touched, const Tested& offset_known) {
   const Taxel taxels = count_of(detector);
   require_taxels(saturated, taxels, "saturated");
@@ -67,7 +67,7 @@ void bind_detector(const py::module_& module) {
                                                          flags_of(known_dead, skin.grid().taxels(), "known_dead"));
            }),
            py::arg("skin"), py::arg("figures"), py::arg("known_dead") = py::none())
-      .def("close_block", &close_block, py::arg("duration"), py::arg("force"), py::arg("variance"), py::arg("charge"),
+      .def("close_block", &test_block, py::arg("duration"), py::arg("force"), py::arg("variance"), py::arg("charge"),
            py::arg("saturated"), py::arg("touched"), py::arg("offset_known"),
            "End a block: test all taxels; return whether the set of faulty ones changed.")
       .def("measure_noise", &measure_noise, py::arg("duration"), py::arg("saturated"), py::arg("touched"),

@@ -45,7 +45,7 @@ const double* shaped(const Values& array, std::initializer_list<std::size_t> sha
 }
 
 /// The flags of all taxels of a belief.
-const bool* flags_of(const Tested& flags, const Belief& belief, const char* name) {
+const bool* taxel_flags(const Tested& flags, const Belief& belief, const char* name) {
   require_taxels(flags, static_cast<Taxel>(belief.taxels()), name);
   return flags.data();
 }
@@ -124,12 +124,12 @@ void bind_belief(const py::module_& module) {
           py::arg("expected"), "Add to the force errors what the taxels' own responses make of a warmer film.")
       .def(
           "forget_small_forces",
-          [](Belief& belief, const Tested& where) { belief.forget_small_forces(flags_of(where, belief, "where")); },
+          [](Belief& belief, const Tested& where) { belief.forget_small_forces(taxel_flags(where, belief, "where")); },
           py::arg("where"), "Set the small forces r of the taxels to zero.")
       .def(
           "forget",
           [](Belief& belief, const Tested& where, std::size_t state) {
-            const bool* chosen = flags_of(where, belief, "where");
+            const bool* chosen = taxel_flags(where, belief, "where");
             if (state >= kOwnStates) {
               throw py::index_error("state must be one of a taxel");
             }
@@ -215,7 +215,7 @@ void update(ForceErrorFilter& filter, const Tested& where, const Values& residua
             const Values& noise) {
   const Belief& belief = *filter.belief();
   const std::size_t taxels = belief.taxels();
-  (filter.*Update)(flags_of(where, belief, "where"), shaped(residual, {taxels}, "residual"),
+  (filter.*Update)(taxel_flags(where, belief, "where"), shaped(residual, {taxels}, "residual"),
                    shaped(sensitivity, {taxels, belief.states()}, "sensitivity"), shaped(noise, {taxels}, "noise"));
 }
 
