@@ -9,8 +9,9 @@
 
     python3 tools/newcomer.py
 
-The repository is cloned into a temporary folder, with an empty home and no cache of pip or uv. The commands are those of the
-documents: one that is no longer there ends the run. Needs what the README asks for, and nothing of this repository.
+The repository is cloned into a temporary folder, with an empty home and no cache of pip or uv. The commands are those
+of the documents: one that is no longer there ends the run. Needs what the README asks for, and nothing of this
+repository.
 """
 
 from __future__ import annotations
