@@ -23,7 +23,7 @@ namespace {
 Taxel count_of(const TaxelFaultDetector& detector) { return static_cast<Taxel>(detector.taxels()); }
 
 bool test_block(TaxelFaultDetector& detector, double duration, const Values& force, const Values& variance,
-                 const Values& charge, const Tested& saturated, const Tested& touched, const Tested& offset_known) {
+                const Values& charge, const Tested& saturated, const Tested& touched, const Tested& offset_known) {
   const Taxel taxels = count_of(detector);
   require_taxels(saturated, taxels, "saturated");
   require_taxels(offset_known, taxels, "offset_known");
