@@ -98,9 +98,9 @@ check: $(BUILT) $(CHECK_READY)
 sanitize: $(BUILT)
 	@$(IN_ENVIRONMENT) cmake -S $(core) -B build/sanitize -DPython3_EXECUTABLE="$$(command -v python3)" -DPOSFET_CORE_SANITIZE=ON -DBUILD_TESTING=OFF \
 		-DCMAKE_INSTALL_PREFIX="$$PWD/build/sanitize/install" --no-warn-unused-cli >/dev/null; \
-	cmake --build build/sanitize --parallel 2 --target scan_path --target protocol --target fuzz_protocol --target fuzz_mapped --target fuzz_scan_path --target fuzz_loop --target race_loop -- --no-print-directory >/dev/null; \
+	cmake --build build/sanitize --parallel 2 --target scan_path --target protocol --target fuzz_protocol --target fuzz_mapped --target fuzz_scan_path --target fuzz_loop --target race_loop --target race_sink -- --no-print-directory >/dev/null; \
 	build/sanitize/fuzz_protocol $(or $(FOR),20) $$RANDOM; build/sanitize/fuzz_mapped $(or $(FOR),20) $$RANDOM; build/sanitize/fuzz_scan_path $(or $(FOR),20) $$RANDOM; \
-	build/sanitize/fuzz_loop $(or $(FOR),20) $$RANDOM; build/sanitize/race_loop 0; \
+	build/sanitize/fuzz_loop $(or $(FOR),20) $$RANDOM; build/sanitize/race_loop 0; build/sanitize/race_sink; \
 	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(core)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/protocol.* build/sanitize/path/posfet_core/; \
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 PYTHONPATH="$$PWD/build/sanitize/path:$$PYTHONPATH" \
 	python3 -m pytest -n0 test/core test/model/*/test_compiled_*.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py \

@@ -15,12 +15,12 @@ import numpy as np
 
 from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.force_estimator import BLOCK, ForceEstimator
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.contacts.detection import ENTER_DEVIATIONS
+from reference.estimation.force_estimator import BLOCK, ForceEstimator
 from reference.mains_hum import MainsHum
 from reference.scan_path import ScanPath
 from reference.taxel_faults import INFORMATIVE, TaxelFaultDetector

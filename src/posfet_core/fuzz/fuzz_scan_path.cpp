@@ -8,8 +8,9 @@
 /// Fuzzing of the compiled path from scans to messages: built with sanitizers by `make sanitize`.
 ///
 /// First it plays touches that repeat, and fails where a scan allocates memory in steady state. Then it makes random
-/// scans and estimates, of which anything may be wrong, and ends at undefined behaviour, at an access outside of an
-/// object, and where what is reported contradicts itself: `fuzz_scan_path SECONDS SEED`.
+/// scans, of which anything may be wrong, with random estimates or with the ends of blocks, and ends at undefined
+/// behaviour, at an access outside of an object, and where what is reported contradicts itself: `fuzz_scan_path SECONDS
+/// SEED`.
 
 #include <algorithm>
 #include <chrono>
@@ -23,8 +24,7 @@
 #include <random>
 #include <vector>
 
-#include "posfet_core/contacts_cdr.hpp"
-#include "posfet_core/scan_path.hpp"
+#include "scan_board.hpp"
 
 namespace {
 
@@ -53,142 +53,6 @@ namespace posfet {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kPitch = 1.5e-3;
-constexpr double kChargePerNewton = 3e-5;
-constexpr double kNoise = 3.4e-4;
-constexpr double kThreshold = 0.02;
-constexpr double kCountsPerNewton = 2000.0;
-constexpr std::size_t kCauses = 3;
-constexpr std::uint64_t kLayout = 7;
-
-void require(bool holds, const char* what) {
-  if (!holds) {
-    std::cerr << "fuzz_scan_path: " << what << '\n';
-    std::exit(1);
-  }
-}
-
-/// An array with all parts of its path, and one scan.
-struct Board {
-  Layout layout;
-  std::shared_ptr<HumFilter> hum;
-  std::shared_ptr<BurstDetector> bursts;
-  std::shared_ptr<ForceIntegration> integration;
-  std::shared_ptr<CountHistory> history;
-  std::shared_ptr<ContactFinder> finder;
-  std::unique_ptr<ScanPath> path;
-  ContactsWriter writer;
-  std::vector<std::uint16_t> counts;
-  std::vector<float> temperatures;
-  Scan scan;
-
-  Board(Taxel rows, Taxel cols, double share, bool bent)
-      : layout{rows, cols, kPitch, kPitch, 1e-6},
-        writer({"finger", 7, "posfet", kThreshold, 0.01, Surface{bent ? 8e-3 : kInf, rows > cols}}),
-        counts(static_cast<std::size_t>(rows * cols), 32768),
-        temperatures{25.0F, 25.0F} {
-    const std::size_t taxels = counts.size();
-    hum = std::make_shared<HumFilter>(taxels, 20);
-    bursts = std::make_shared<BurstDetector>(SkinResponse(layout, 0.13, 0.13), 0.01 * kChargePerNewton, 1e-15,
-                                             kChargePerNewton);
-    integration = std::make_shared<ForceIntegration>(
-        std::vector<double>(taxels, 0.27), std::vector<double>(taxels, 1.0 / kChargePerNewton),
-        std::vector<double>(taxels, -1.0), IntegrationLimits{0.01, 0.02, 0.006, 3.0, 1e-3}, kCauses);
-    history = std::make_shared<CountHistory>(66, taxels);
-    finder = std::make_shared<ContactFinder>(layout, 0.6e-3, ContactThresholds{kThreshold, 0.01});
-    ScanParts parts{
-        std::make_shared<ScanClock>(kLayout, taxels, 0.27, 1000.0),
-        std::make_shared<CrosstalkCompensator>(layout, share),
-        bursts,
-        hum,
-        integration,
-        history,
-        finder,
-        std::make_shared<ContactTracker>(TrackerSettings{1.5, 0.02, 2e-3, 1e-3, kPitch, kThreshold, kNoise}, 1),
-        std::make_shared<DynamicChannel>(layout, kNoise)};
-    // One volt for each newton.
-    const InverseSignalChain chain{
-        -32768.0 / kCountsPerNewton, 1.0 / kCountsPerNewton, 1.0, 0.0, kChargePerNewton, 300, 65200};
-    path = std::make_unique<ScanPath>(parts, chain, std::vector<double>(taxels, 1e-9), 5.0 * kNoise);
-    scan.layout = kLayout;
-    scan.stamp = 1'700'000'000'000'000'000;
-    scan.counts = counts.data();
-    scan.taxels = taxels;
-    scan.temperatures = temperatures.data();
-    scan.sensors = temperatures.size();
-  }
-
-  void next(std::int64_t step) {
-    ++scan.sequence;
-    scan.device_time += step;
-    scan.stamp += 1000 * step;
-  }
-
-  /// Process the scan, and check what is reported.
-  void process() {
-    if (path->receive(scan) && !path->begin(scan)) {
-      integration->inverse().start(path->charge().data());
-      ForceIntegration::State& state = integration->state();
-      state.correction = state.raw;
-      state.force.assign(state.force.size(), 0.0);
-      integration->block().started = integration->block().valid = true;
-    }
-    path->finish();
-    const ScanResult& result = path->result();
-    const std::vector<std::uint8_t>& message = writer.write(result.stamp, result.sequence, result.valid,
-                                                            path->contacts(), path->shows_released(), path->motions());
-    require(message.size() > 40, "a message is too short");
-    TrackId last = 0;
-    for (const Contact& contact : path->contacts()) {
-      require(contact.id > last, "ids of contacts do not ascend");
-      last = contact.id;
-      require(!contact.region.taxels.empty(), "a contact has no taxel");
-      for (const Taxel taxel : contact.region.taxels) {
-        require(taxel >= 0 && static_cast<std::size_t>(taxel) < counts.size(), "a taxel is outside of the array");
-      }
-    }
-    for (const auto& [id, motion] : path->motions()) {
-      require(id <= last, "a motion belongs to no contact");
-    }
-    require(path->clock().step() > 0.0, "a step is not positive");
-  }
-
-  /// What the end of a block sets, with given variances and thresholds by them.
-  void end_block(const std::vector<double>& variance) {
-    const ForceIntegration::State& state = integration->state();
-    finder->thresholds().update(state.force.data(), variance.data(), state.offset_known.data());
-    path->set_variance(variance.data());
-    integration->start_block(true);
-    history->keep(2);
-    if (hum->state().filled == hum->scans()) {
-      hum->start_window();
-    }
-  }
-};
-
-/// Number of scans of a press, slide, merge, split and release of two fingers.
-constexpr std::size_t kRound = 512;
-
-/// The scan of a press, slide, merge, split and release of two fingers that repeats after `kRound` scans.
-void touch(Board& board, std::size_t number) {
-  const std::size_t index = number % kRound;
-  const double phase = static_cast<double>(index) / static_cast<double>(kRound);
-  const double force = phase < 0.8 ? 0.8 : 0.0;
-  const double apart = kPitch * (1.5 + 1.4 * std::sin(6.283185307179586 * phase));
-  for (Taxel taxel = 0; taxel < static_cast<Taxel>(board.counts.size()); ++taxel) {
-    const Point& at = board.finder->grid().position(taxel);
-    double total = 0.0;
-    for (const double side : {-1.0, 1.0}) {
-      const double dx = at.x - side * apart;
-      const double dy = at.y - 1e-3 * phase;
-      total += force * std::exp(-(dx * dx + dy * dy) / (2.0 * 0.9e-3 * 0.9e-3));
-    }
-    const double flicker = static_cast<double>((index * 7 + static_cast<std::size_t>(taxel) * 13) % 3) - 1.0;
-    board.counts[static_cast<std::size_t>(taxel)] =
-        static_cast<std::uint16_t>(32768.0 + std::round(kCountsPerNewton * total + flicker));
-  }
-}
 
 /// What an estimator does at rest: the forces are zero.
 void zero(Board& board) {
@@ -198,25 +62,30 @@ void zero(Board& board) {
   }
 }
 
-/// The number of allocations of touches that repeat, after the first ones; `most` is the greatest number of contacts.
-std::size_t allocations_of_touches(Board& board, std::size_t& most) {
-  constexpr std::size_t kRounds = 8;
-  constexpr std::size_t kFirst = 4;
+/// The number of allocations of touches that repeat, after the first ones, by the path alone, or (`blocks`) with the
+/// ends of blocks; `most` is the greatest number of contacts.
+std::size_t allocations_of_touches(Board& board, bool blocks, std::size_t& most) {
+  const std::size_t round = blocks ? 4 * kRound : kRound;
   const std::vector<double> variance(board.counts.size(), kNoise * kNoise);
   std::size_t begin = 0;
-  for (std::size_t index = 0; index < kRounds * kRound; ++index) {
-    if (index == kFirst * kRound) {
+  for (std::size_t index = 0; index < 8 * round; ++index) {
+    if (index == 4 * round) {
       begin = allocations;
     }
     board.next(1000);
-    touch(board, index);
     board.temperatures[0] = 25.0F + 0.1F * static_cast<float>(index % 2);
-    board.process();
+    if (blocks) {
+      leaking_touch(board, index);
+      board.reconstruct();
+    } else {
+      touch(board, index);
+      board.process();
+    }
     most = std::max(most, board.path->contacts().size());
-    if (index % 16 == 15) {
+    if (!blocks && index % 16 == 15) {
       board.end_block(variance);
     }
-    if ((index + 1) % kRound == 0) {
+    if (!blocks && (index + 1) % round == 0) {
       zero(board);
     }
   }
@@ -338,6 +207,21 @@ void fuzz_estimates(Board& board, Anything& any, std::vector<double>& values) {
   board.end_block(values);
 }
 
+/// What services change between two scans.
+void fuzz_services(Board& board, Anything& any, std::vector<double>& change) {
+  board.block_end->detects_faults = any.chance(0.8);
+  if (any.chance(0.3)) {
+    board.hum =
+        std::make_shared<MainsHum>(board.counts.size(), any.chance(0.5) ? kScanRate : 0.0, kNoise * kChargePerNewton);
+    board.block_end->set_hum(board.hum);
+  }
+  if (any.chance(0.5)) {
+    board.estimator->tare(any.chance(0.5), change.data());
+  }
+  board.finder->thresholds().set({any.chance(0.5) ? kThreshold : 3.0 * kThreshold, 0.01});
+  board.block_end->set_thresholds();
+}
+
 /// Fuzz one array; the number of scans that were accepted.
 std::uint64_t fuzz(Anything& any, std::size_t scans) {
   std::uint64_t accepted = 0;
@@ -347,12 +231,17 @@ std::uint64_t fuzz(Anything& any, std::size_t scans) {
   const double shares[] = {0.0, 0.0, 0.01, 0.3};  // NOLINT
   any.set_special(shares[any.below(4)]);
   std::vector<double> values(board.counts.size());
+  const bool blocks = any.chance(0.5);
   for (std::size_t index = 0; index < scans; ++index) {
     fuzz_scan(board, any, index);
-    board.process();
+    if (blocks) {
+      board.reconstruct();
+    } else {
+      board.process();
+    }
     accepted += board.path->result().accepted ? 1 : 0;
-    if (any.chance(0.05)) {
-      fuzz_estimates(board, any, values);
+    if (any.chance(blocks ? 0.01 : 0.05)) {
+      blocks ? fuzz_services(board, any, values) : fuzz_estimates(board, any, values);
     }
   }
   return accepted;
@@ -369,10 +258,16 @@ void test_steady_state() {
     Board board(rows, cols, share, share > 0.0);
     board.integration->state().offset_known = TaxelFlags(board.counts.size(), true);
     std::size_t most = 0;
-    const std::size_t found = allocations_of_touches(board, most);
+    const std::size_t found = allocations_of_touches(board, false, most);
     std::cout << "fuzz_scan_path: " << rows << " x " << cols << ": " << found << " allocations, up to " << most
               << " contacts\n";
     require(found == 0, "a scan allocates in steady state");
+    require(most > 1, "there were not two contacts");
+    Board closed(rows, cols, share, share > 0.0);
+    most = 0;
+    const std::size_t of_blocks = allocations_of_touches(closed, true, most);
+    std::cout << "fuzz_scan_path: " << rows << " x " << cols << ", with the ends of blocks: " << of_blocks
+              << " allocations, up to " << most << " contacts\n";
     require(most > 1, "there were not two contacts");
   }
 }

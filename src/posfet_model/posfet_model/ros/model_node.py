@@ -44,8 +44,6 @@ from posfet_msgs.msg import TactileRaw
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
-READER_GRACE_PERIOD = 1e-4
-"""Pause before block maintenance [s], so that the subscribers of a message run first."""
 
 
 class ModelNode(SupervisedLifecycleNode):
@@ -218,7 +216,6 @@ class ModelNode(SupervisedLifecycleNode):
             if subscribed:
                 outputs.publish(reconstructor, result, subscribed)
             if reconstructor.maintenance_due:
-                time.sleep(READER_GRACE_PERIOD)
                 reconstructor.run_maintenance()
 
     def stream(self, source: StreamingSource, timeout: float) -> Scan | None:
@@ -259,9 +256,6 @@ class ModelNode(SupervisedLifecycleNode):
             return
         if self._direct.take_failure():
             self._outputs.publish(reconstructor, reconstructor.refresh(), subscribed)
-        if reconstructor.maintenance_due:
-            time.sleep(READER_GRACE_PERIOD)
-            reconstructor.run_maintenance()
 
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
