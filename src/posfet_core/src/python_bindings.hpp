@@ -27,6 +27,9 @@ void bind_scan_path(const pybind11::module_& module);
 /// Belief and filter of the force errors, at the end of every block.
 void bind_estimation(const pybind11::module_& module);
 
+/// What the estimator of static force is made of.
+void bind_estimation_parts(pybind11::module_& module);
+
 /// The end of a block, and the order of scans and blocks.
 void bind_blocks(const pybind11::module_& module);
 

@@ -269,6 +269,7 @@ PYBIND11_MODULE(scan_path, module) {
   posfet::bind_neighbours(module);
   posfet::bind_scan_parts(module);
   posfet::bind_estimation(module);
+  posfet::bind_estimation_parts(module);
   posfet::bind_hum(module);
   posfet::bind_faults(module);
   posfet::bind_scan_path(module);

@@ -15,16 +15,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posfet_core.scan_path import DIAGONAL, ContactSurroundings
 from posfet_model.estimation.error_states import ErrorPriors
 from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.grid import compiled_layout
 from reference.dense_pressure import sphere_forces
-from reference.estimation.contact_surroundings import DIAGONAL, ContactSurroundings
 
 SENSOR = load_sensor()
 LAYOUT = SENSOR.layout
 THRESHOLD = SENSOR.contact.threshold
-LINE = ContactSurroundings(replace(LAYOUT, rows=1, cols=6))
-SQUARE = ContactSurroundings(replace(LAYOUT, rows=3, cols=3))
+LINE = ContactSurroundings(compiled_layout(replace(LAYOUT, rows=1, cols=6)))
+SQUARE = ContactSurroundings(compiled_layout(replace(LAYOUT, rows=3, cols=3)))
 
 
 def line(*force: float) -> list[float]:
@@ -77,7 +78,7 @@ def test_without_forces_there_is_no_decline() -> None:
 @pytest.mark.parametrize("radius", [4e-3, 5e-3, 8e-3])
 def test_forces_beside_a_fingertip_are_within_the_priors_of_the_decline(radius: float) -> None:
     # 200 places each; the common part is estimated anew in every touch, and own parts differ by as much as it.
-    p, random, surroundings = ErrorPriors(), np.random.default_rng(1), ContactSurroundings(LAYOUT)
+    p, random, surroundings = ErrorPriors(), np.random.default_rng(1), ContactSurroundings(compiled_layout(LAYOUT))
     shares = []
     for x, y, newton in random.uniform((-1.5e-3, -1.5e-3, 0.3), (1.5e-3, 1.5e-3, 2.0), (200, 3)):
         force = sphere_forces(x, y, newton, radius, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import SharedDynamics
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
-from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
+from reference.estimation.error_states import start_covariance, start_mean
 
 Array = NDArray[np.float64]
 BLOCK = 0.02

@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import SharedDynamics, TouchResponse
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.estimation.force_error_filter import NEGLIGIBLE, Belief, ForceErrorFilter, start_belief
 from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.grid import compiled_layout
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
-from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
-from reference.estimation.touch_response import TouchResponse
+from reference.estimation.error_states import start_covariance, start_mean
 
 Array = NDArray[np.float64]
 SENSOR = load_sensor()
@@ -287,7 +288,7 @@ def touch_scene(taxels: int, seed: int, blocks: int, begin: int) -> Iterator[tup
     tau = device.leak_time_constant * (1.0 + 0.1 * random.standard_normal(taxels))
     per_kelvin = device.pyroelectric_coefficient / charge_per_newton(SENSOR)
     per_kelvin = per_kelvin * (1.0 + 0.05 * random.standard_normal(taxels))
-    response = TouchResponse(layout, tau, per_kelvin, priors)
+    response = TouchResponse(compiled_layout(layout), tau, per_kelvin, priors)
     dynamics = SharedDynamics(priors, device.thermal_time_constant)
     driven = np.zeros((taxels, COUNT))
     driven[:, Shared.DRIFT] = block

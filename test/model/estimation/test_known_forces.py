@@ -16,20 +16,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference.estimation.known_forces import (
-    NEGATIVE_TIME,
-    PERSISTENT_BLOCKS,
-    RELEASED_BLOCKS,
-    RELEASED_SHARE,
-    SMALL,
-    STILL_BLOCKS,
-    UNEXPLAINED_TIME,
-    ReleaseDetector,
-    UnexplainedResiduals,
-    UniformChange,
-)
+from posfet_core.scan_path import ReleaseDetector, UnexplainedResiduals, UniformChange
 
 Array = NDArray[np.float64]
+NEGATIVE_TIME = UnexplainedResiduals.NEGATIVE_TIME
+PERSISTENT_BLOCKS = UnexplainedResiduals.PERSISTENT_BLOCKS
+SMALL = UnexplainedResiduals.SMALL
+UNEXPLAINED_TIME = UnexplainedResiduals.UNEXPLAINED_TIME
+RELEASED_BLOCKS = ReleaseDetector.RELEASED_BLOCKS
+RELEASED_SHARE = ReleaseDetector.RELEASED_SHARE
+STILL_BLOCKS = ReleaseDetector.STILL_BLOCKS
 BLOCK = 0.02
 NOISE = 1e-4
 THRESHOLD = 0.02
@@ -56,7 +52,7 @@ class Unexplained:
         for number in range(blocks):
             mean = residual + steps * NOISE * (-1) ** number
             errors = self.policy.update(np.abs(residual) > 0.0, residual, mean, np.full(TAXELS, NOISE), BLOCK)
-            found.append([] if errors is None else np.flatnonzero(errors).tolist())
+            found.append(np.flatnonzero(errors).tolist())
         return found
 
 
@@ -136,7 +132,7 @@ class Release:
         found = []
         for force in forces:
             released = self.detector.update(contacts, force, touched, np.full(TAXELS, DEVIATION**2), NOISE)
-            found.append([] if released is None else np.flatnonzero(released).tolist())
+            found.append(np.flatnonzero(released).tolist())
         return found
 
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference.estimation.rest_detector import LEAKED, SINGLE_TAXEL_FACTOR, STILL, RestDetector
+from posfet_core.scan_path import RestDetector
 
 NOISE, SPREAD, SETTLE, TAU, BLOCK = 1e-3, 0.1, 0.1, 0.3, 0.02
-STEP = STILL * NOISE
+STEP = RestDetector.STILL * NOISE
 """A change above this is a motion [N]."""
 TAXELS = 9
 NONE = np.zeros(TAXELS, np.bool_)
@@ -43,7 +43,7 @@ def test_equal_signals_are_at_rest_after_the_settle_time() -> None:
 
 
 def test_signals_that_differ_are_at_rest_only_when_a_held_force_has_leaked() -> None:
-    assert time_to_rest(detector(UNEVEN), UNEVEN) == pytest.approx(LEAKED * TAU, abs=BLOCK)
+    assert time_to_rest(detector(UNEVEN), UNEVEN) == pytest.approx(RestDetector.LEAKED * TAU, abs=BLOCK)
 
 
 def test_an_ignored_taxel_neither_differs_nor_moves() -> None:
@@ -63,7 +63,7 @@ def test_an_ignored_taxel_neither_differs_nor_moves() -> None:
         (2, -1.1 * STEP, True),
         (2, 0.9 * STEP, False),
         (1, 1.1 * STEP, False),  # it may be noisy
-        (1, 1.1 * SINGLE_TAXEL_FACTOR * STEP, True),
+        (1, 1.1 * RestDetector.SINGLE_TAXEL_FACTOR * STEP, True),
     ],
 )
 def test_two_taxels_move_or_one_by_much(moving: int, change: float, moved: bool) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import HOP, STEADINESS, SharedMeasurement, steady_force
 from posfet_model.estimation.error_states import COUNT, Shared
-from reference.estimation.steady_force import HOP, STEADINESS, SharedMeasurement, steady_force
 
 BLOCK = 0.02
 TIME = BLOCK * np.arange(16)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from reference.estimation.temperature_walk import TemperatureWalk
+from posfet_core.scan_path import TemperatureWalk
 
 BLOCK, LAG, LEAST = 0.02, 0.05, 0.4e-3
 

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_core.scan_path import WARMTH_FORCE, TouchResponse
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
-from reference.estimation.touch_response import WARMTH_FORCE, TouchResponse
+from posfet_model.sensor.grid import compiled_layout
 
 Array = NDArray[np.float64]
 BLOCK = 0.02
@@ -35,7 +36,7 @@ FINE = 200
 
 
 def response() -> TouchResponse:
-    return TouchResponse(LAYOUT, TAU, PER_KELVIN, PRIORS)
+    return TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, PRIORS)
 
 
 def touch(time: float) -> Array:
@@ -174,7 +175,7 @@ def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 6), (2, 1)])
 def test_an_array_of_one_row_does_not_bend_across_it(rows: int, cols: int) -> None:
     layout = replace(LAYOUT, rows=rows, cols=cols)
-    each = TouchResponse(layout, np.ones(rows * cols), np.ones(rows * cols), PRIORS)
+    each = TouchResponse(compiled_layout(layout), np.ones(rows * cols), np.ones(rows * cols), PRIORS)
     each.advance(np.ones(rows * cols), BLOCK)
     matrix = each.matrix()
     assert np.isfinite(matrix).all()

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+from posfet_core.scan_path import LowerBoundMonitor, NegativeForceMonitor
 
 BLOCK = 0.02
-LIMIT = np.full(3, 0.01)
+LIMIT = 0.01
 ALL = np.ones(3, np.bool_)
 PRESSED_DOWN = np.array([-0.05, 0.0, 0.05])
 """Forces below the limit, within it and positive [N]."""
@@ -56,13 +56,16 @@ def test_taxels_that_are_not_examined_or_are_reset_start_again() -> None:
     down = np.full(3, -0.05)
     for _ in range(3):
         assert not monitor.update(np.array([True, True, False]), down, LIMIT, ALL, BLOCK).any()
-    monitor.reset(np.array([True, False, False]))
-    assert monitor.update(ALL, down, LIMIT, ALL, BLOCK).tolist() == [False, True, False]
+    assert monitor.update(ALL, down, LIMIT, ALL, BLOCK).tolist() == [True, True, False]
+    for _ in range(2):
+        assert not monitor.update(ALL, down, LIMIT, ALL, BLOCK).any()
+    monitor.reset()
+    assert not monitor.update(ALL, down, LIMIT, ALL, BLOCK).any()
 
 
 def test_a_force_at_the_limit_is_possible() -> None:
     monitor = NegativeForceMonitor(3, 0.5 * BLOCK)
-    assert not confirmed(monitor, 5, -LIMIT)
+    assert not confirmed(monitor, 5, np.full(3, -LIMIT))
     assert confirmed(monitor, 1, np.array([np.nextafter(-0.01, -1.0), 0.0, 0.0])) == [1]
 
 

@@ -7,6 +7,8 @@
 
 /// Part of the Python module posfet_core.scan_path: what is computed at the end of every block.
 
+#include "python_estimation.hpp"
+
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
@@ -282,52 +284,6 @@ void bind_filter(const py::module_& module) {
   bind_updates(bound);
 }
 
-/// The values of `ErrorPriors` of Python.
-ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
-      {"film_walk", &ErrorPriors::film_walk},
-      {"rate", &ErrorPriors::rate},
-      {"rate_walk", &ErrorPriors::rate_walk},
-      {"rate_change", &ErrorPriors::rate_change},
-      {"touch_rate", &ErrorPriors::touch_rate},
-      {"fastest", &ErrorPriors::fastest},
-      {"lag", &ErrorPriors::lag},
-      {"lag_spread", &ErrorPriors::lag_spread},
-      {"scale", &ErrorPriors::scale},
-      {"reading", &ErrorPriors::reading},
-      {"bend", &ErrorPriors::bend},
-      {"bend_gradient", &ErrorPriors::bend_gradient},
-      {"leak", &ErrorPriors::leak},
-      {"tail", &ErrorPriors::tail},
-      {"tail_spread", &ErrorPriors::tail_spread},
-      {"tail_least", &ErrorPriors::tail_least},
-      {"tail_change", &ErrorPriors::tail_change},
-      {"warmth_beside", &ErrorPriors::warmth_beside},
-      {"warmth_mean", &ErrorPriors::warmth_mean},
-      {"warmth", &ErrorPriors::warmth},
-      {"warmth_least", &ErrorPriors::warmth_least},
-      {"warmth_spread", &ErrorPriors::warmth_spread},
-      {"warmth_time", &ErrorPriors::warmth_time},
-      {"pyroelectric", &ErrorPriors::pyroelectric},
-      {"drift", &ErrorPriors::drift},
-      {"offset_walk", &ErrorPriors::offset_walk},
-      {"motion", &ErrorPriors::motion},
-  }};
-  constexpr std::array<std::pair<const char*, std::array<double, kCreeps> ErrorPriors::*>, 3> kOfCreep{{
-      {"creep_times", &ErrorPriors::creep_times},
-      {"creep_mean", &ErrorPriors::creep_mean},
-      {"creep", &ErrorPriors::creep},
-  }};
-  ErrorPriors found{};
-  for (const auto& [name, member] : kValues) {
-    found.*member = priors.attr(name).cast<double>();
-  }
-  for (const auto& [name, member] : kOfCreep) {
-    found.*member = priors.attr(name).cast<std::array<double, kCreeps>>();
-  }
-  return found;
-}
-
 using BoundEstimator = py::class_<ForceEstimator, std::shared_ptr<ForceEstimator>>;
 
 /// Return a function that gives what an estimator finds for each taxel, as a new array.
@@ -349,22 +305,8 @@ KeptValues find_into(const ForceEstimator& estimator, KeptValues out) {
 void close_block(ForceEstimator& estimator, const Tested& touched, const py::sequence& contacts) {
   const auto taxels = static_cast<Taxel>(estimator.taxels());
   require_taxels(touched, taxels, "touched");
-  std::vector<Taxels> listed;
-  for (const py::handle contact : contacts) {
-    const auto indices = contact.cast<Indices>();
-    listed.emplace_back(indices.data(), indices.data() + indices.size());
-    for (const Taxel taxel : listed.back()) {
-      if (taxel < 0 || taxel >= taxels) {
-        throw py::index_error("contacts must have indices of taxels");
-      }
-    }
-  }
-  std::vector<const Taxels*> pointers;
-  pointers.reserve(listed.size());
-  for (const Taxels& contact : listed) {
-    pointers.push_back(&contact);
-  }
-  estimator.close_block(touched.data(), pointers);
+  const std::vector<Taxels> listed = contacts_from(contacts, taxels);
+  estimator.close_block(touched.data(), pointers_to(listed));
 }
 
 void bind_estimator_methods(BoundEstimator& bound) {
@@ -455,6 +397,74 @@ void bind_estimator(const py::module_& module) {
 }
 
 }  // namespace
+
+ErrorPriors priors_from(const py::object& priors) {
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
+      {"film_walk", &ErrorPriors::film_walk},
+      {"rate", &ErrorPriors::rate},
+      {"rate_walk", &ErrorPriors::rate_walk},
+      {"rate_change", &ErrorPriors::rate_change},
+      {"touch_rate", &ErrorPriors::touch_rate},
+      {"fastest", &ErrorPriors::fastest},
+      {"lag", &ErrorPriors::lag},
+      {"lag_spread", &ErrorPriors::lag_spread},
+      {"scale", &ErrorPriors::scale},
+      {"reading", &ErrorPriors::reading},
+      {"bend", &ErrorPriors::bend},
+      {"bend_gradient", &ErrorPriors::bend_gradient},
+      {"leak", &ErrorPriors::leak},
+      {"tail", &ErrorPriors::tail},
+      {"tail_spread", &ErrorPriors::tail_spread},
+      {"tail_least", &ErrorPriors::tail_least},
+      {"tail_change", &ErrorPriors::tail_change},
+      {"warmth_beside", &ErrorPriors::warmth_beside},
+      {"warmth_mean", &ErrorPriors::warmth_mean},
+      {"warmth", &ErrorPriors::warmth},
+      {"warmth_least", &ErrorPriors::warmth_least},
+      {"warmth_spread", &ErrorPriors::warmth_spread},
+      {"warmth_time", &ErrorPriors::warmth_time},
+      {"pyroelectric", &ErrorPriors::pyroelectric},
+      {"drift", &ErrorPriors::drift},
+      {"offset_walk", &ErrorPriors::offset_walk},
+      {"motion", &ErrorPriors::motion},
+  }};
+  constexpr std::array<std::pair<const char*, std::array<double, kCreeps> ErrorPriors::*>, 3> kOfCreep{{
+      {"creep_times", &ErrorPriors::creep_times},
+      {"creep_mean", &ErrorPriors::creep_mean},
+      {"creep", &ErrorPriors::creep},
+  }};
+  ErrorPriors found{};
+  for (const auto& [name, member] : kValues) {
+    found.*member = priors.attr(name).cast<double>();
+  }
+  for (const auto& [name, member] : kOfCreep) {
+    found.*member = priors.attr(name).cast<std::array<double, kCreeps>>();
+  }
+  return found;
+}
+
+std::vector<Taxels> contacts_from(const py::sequence& contacts, Taxel taxels) {
+  std::vector<Taxels> found;
+  for (const py::handle contact : contacts) {
+    const auto indices = contact.cast<Indices>();
+    found.emplace_back(indices.data(), indices.data() + indices.size());
+    for (const Taxel taxel : found.back()) {
+      if (taxel < 0 || taxel >= taxels) {
+        throw py::index_error("contacts must have indices of taxels");
+      }
+    }
+  }
+  return found;
+}
+
+std::vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts) {
+  std::vector<const Taxels*> pointers;
+  pointers.reserve(contacts.size());
+  for (const Taxels& contact : contacts) {
+    pointers.push_back(&contact);
+  }
+  return pointers;
+}
 
 void bind_estimation(const py::module_& module) {
   bind_belief(module);

@@ -29,9 +29,6 @@ constexpr double kLargestChange = 0.015;
 /// Standard deviation of b above which a window is not informative [1].
 constexpr double kInformative = 0.03;
 
-/// Error of b as a force is never quite steady: standard deviation [1], assumed.
-constexpr double kSteadiness = 0.02;
-
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 double product(const std::vector<double>& one, const std::vector<double>& other) {

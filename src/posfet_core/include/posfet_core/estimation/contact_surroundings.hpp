@@ -30,6 +30,8 @@ class ContactSurroundings {
 public:
   explicit ContactSurroundings(Grid grid) : grid_(std::move(grid)) {}
 
+  std::size_t taxels() const { return static_cast<std::size_t>(grid_.taxels()); }
+
   /// Find a mask of taxels with their neighbours; another one.
   void dilate(const TaxelFlags& mask, TaxelFlags& dilated) const;
 

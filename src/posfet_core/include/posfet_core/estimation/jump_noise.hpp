@@ -43,6 +43,8 @@ public:
   /// Leakage time constants tau [s].
   explicit JumpNoise(std::vector<double> time_constant);
 
+  std::size_t taxels() const { return tau_.size(); }
+
   /// Process the changes of the mean forces [N] from one block to the one after the next, while nothing touches, of the
   /// taxels whose signals count; with the variances of a mean [N2] and the time between two blocks that follow each
   /// other [s]. A step within the block in between is seen whole.

@@ -102,6 +102,8 @@ public:
 
   explicit ReleaseDetector(std::size_t taxels);
 
+  std::size_t taxels() const { return peak_.size(); }
+
   /// Process a block: the taxels of each contact, mean forces [N], touched taxels, their variances [N2], and the
   /// standard deviation of a mean [N]. The taxels of released contacts are marked; returns whether there are any.
   bool update(const std::vector<const Taxels*>& contacts, const double* mean, const bool* touched,
@@ -148,6 +150,8 @@ public:
 
   /// Pyroelectric signal of each taxel [N/K], and the relative standard deviation of these [1].
   UniformChange(std::vector<double> newton_per_kelvin, double spread);
+
+  std::size_t taxels() const { return per_kelvin_.size(); }
 
   /// Whether the pattern is informative.
   bool observable() const { return observable_; }

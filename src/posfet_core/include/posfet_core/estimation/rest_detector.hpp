@@ -34,6 +34,8 @@ public:
   /// to wait where all signals are within that spread [s]; leakage time constant [s].
   RestDetector(std::size_t taxels, double noise, double offset_spread, double settle_time, double time_constant);
 
+  std::size_t taxels() const { return signal_.size(); }
+
   /// Set the reference signals [N] from the first scan.
   void start(const double* signal);
 

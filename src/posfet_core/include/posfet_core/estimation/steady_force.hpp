@@ -22,6 +22,9 @@ namespace posfet {
 /// Blocks from one window to the next, which has most of its blocks in common with it.
 constexpr int kHop = 4;
 
+/// Error of b as a force is never quite steady: standard deviation [1], assumed.
+constexpr double kSteadiness = 0.02;
+
 /// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
 struct SharedMeasurement {
   double innovation;                ///< Measured less expected value.

@@ -21,6 +21,8 @@ public:
   /// Time for which a negative force must be steady to be a baseline error [s].
   NegativeForceMonitor(std::size_t taxels, double steady_time) : steady_time_(steady_time), steady_(taxels, 0.0) {}
 
+  std::size_t taxels() const { return steady_.size(); }
+
   /// Process the mean forces of a block [N] of the taxels to be examined. A force below -limit is impossible [N];
   /// `still` are the taxels whose mean equals that of the block before within noise. Those whose force has been
   /// negative and steady for long enough are `confirmed`; returns whether there are any.

@@ -1,0 +1,29 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Arguments of the estimator of static force and of its parts, from Python.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <vector>
+
+#include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/grid.hpp"
+
+namespace posfet {
+
+/// The values of `ErrorPriors` of Python.
+ErrorPriors priors_from(const pybind11::object& priors);
+
+/// The taxels of each contact. Throws IndexError where one is outside of the array.
+std::vector<Taxels> contacts_from(const pybind11::sequence& contacts, Taxel taxels);
+
+/// The same as the estimator takes them, which does not own them.
+std::vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts);
+
+}  // namespace posfet

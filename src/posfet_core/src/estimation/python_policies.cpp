@@ -1,0 +1,456 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Part of the Python module posfet_core.scan_path: what the estimator of static force is made of, one by one.
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "../python_arrays.hpp"
+#include "../python_bindings.hpp"
+#include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/jump_noise.hpp"
+#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/steady_force.hpp"
+#include "posfet_core/estimation/temperature_walk.hpp"
+#include "posfet_core/estimation/touch_response.hpp"
+#include "posfet_core/estimation/validity.hpp"
+#include "python_estimation.hpp"
+
+namespace posfet {
+
+namespace {
+
+py::array_t<double> array_of(const std::vector<double>& values) {
+  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+py::array_t<double> array_of(const std::vector<double>& values, py::ssize_t columns) {
+  return array_of(values).reshape({static_cast<py::ssize_t>(values.size()) / columns, columns});
+}
+
+py::array_t<bool> array_of(const TaxelFlags& flags) {
+  return py::array_t<bool>(static_cast<py::ssize_t>(flags.size()), flags.data());
+}
+
+TaxelFlags copy_of(const Tested& flags) {
+  TaxelFlags copy(static_cast<std::size_t>(flags.size()));
+  copy.set(flags.data());
+  return copy;
+}
+
+/// Throws ValueError where the arrays have not one value for each taxel.
+void require_all(std::size_t taxels, std::initializer_list<py::array> arrays) {
+  for (const py::array& array : arrays) {
+    require_taxels(array, static_cast<Taxel>(taxels), "each array");
+  }
+}
+
+void bind_surroundings(const py::module_& module) {
+  py::class_<ContactSurroundings>(module, "ContactSurroundings", "Neighbours of the taxels of an array.")
+      .def(py::init([](const Layout& layout) { return ContactSurroundings(Grid(layout)); }), py::arg("layout"))
+      .def(
+          "dilated",
+          [](const ContactSurroundings& surroundings, const Tested& mask) {
+            require_all(surroundings.taxels(), {mask});
+            TaxelFlags dilated(surroundings.taxels());
+            surroundings.dilate(copy_of(mask), dilated);
+            return array_of(dilated);
+          },
+          py::arg("mask"), "Return a mask of taxels with their neighbours.")
+      .def(
+          "completed",
+          [](const ContactSurroundings& surroundings, const Values& force, double least) {
+            require_all(surroundings.taxels(), {force});
+            std::vector<double> completed = vector_of(force);
+            surroundings.complete(completed, least);
+            return array_of(completed);
+          },
+          py::arg("force"), py::arg("least"), "Return the forces with the greatest that each unknown one can be [N].")
+      .def(
+          "greatest_neighbour",
+          [](const ContactSurroundings& surroundings, const Values& force) {
+            require_all(surroundings.taxels(), {force});
+            std::vector<double> greatest(surroundings.taxels());
+            surroundings.greatest_neighbour(vector_of(force), greatest);
+            return array_of(greatest);
+          },
+          py::arg("force"), "Return the greatest force of each taxel's neighbours [N].")
+      .def(
+          "geometric_decline",
+          [](const ContactSurroundings& surroundings, const Values& force, double least) {
+            require_all(surroundings.taxels(), {force});
+            std::vector<double> decline(surroundings.taxels());
+            surroundings.geometric_decline(vector_of(force), least, decline);
+            return array_of(decline);
+          },
+          py::arg("force"), py::arg("least"), "Return the force of each taxel if forces declined geometrically [N].");
+  module.attr("DIAGONAL") = kDiagonal;
+}
+
+void bind_dynamics(const py::module_& module) {
+  constexpr auto kStates = static_cast<py::ssize_t>(kSharedStates);
+  const auto state_of = [](const Values& state) {
+    require_all(kSharedStates, {state});
+    return vector_of(state);
+  };
+  py::class_<SharedDynamics> bound(module, "SharedDynamics", "Transition of the shared states over a block.");
+  bound.attr("FORGET") = SharedDynamics::kForget;
+  bound
+      .def(py::init(
+               [](const py::object& priors, double film_lag) { return SharedDynamics(priors_from(priors), film_lag); }),
+           py::arg("priors"), py::arg("film_lag"))
+      .def("set_film_walk", &SharedDynamics::set_film_walk, py::arg("intensity"),
+           "Set the variance by which the temperature of chip and film grows in each second [K2/s].")
+      .def(
+          "transition",
+          [state_of](SharedDynamics& dynamics, const Values& state, double duration) {
+            const SharedTransition& found = dynamics.transition(state_of(state), duration);
+            return py::make_tuple(array_of(found.after), array_of(found.matrix, kStates),
+                                  array_of(found.noise, kStates));
+          },
+          py::arg("state"), py::arg("duration"), "Return next state, transition matrix and covariance of the noise.")
+      .def(
+          "maneuver",
+          [state_of](SharedDynamics& dynamics, const Values& state, double duration) {
+            return array_of(dynamics.maneuver(state_of(state), duration));
+          },
+          py::arg("state"), py::arg("duration"), "Return how the states change if the rate had changed by 1 K/s.")
+      .def_static(
+          "sensor_lag", [state_of](const Values& state) { return SharedDynamics::sensor_lag(state_of(state)); },
+          py::arg("state"), "Return the time constant of the sensors' lag [s].");
+}
+
+void bind_touch_response(const py::module_& module) {
+  py::class_<TouchResponse>(module, "TouchResponse", "Responses of the force errors to the shared states.")
+      .def(py::init([](const Layout& layout, const Values& time_constant, const Values& newton_per_kelvin,
+                       const py::object& priors) {
+             require_all(static_cast<std::size_t>(Grid(layout).taxels()), {time_constant, newton_per_kelvin});
+             return TouchResponse(layout, vector_of(time_constant), vector_of(newton_per_kelvin), priors_from(priors));
+           }),
+           py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_kelvin"), py::arg("priors"))
+      .def("reset", &TouchResponse::reset, "Forget all touches.")
+      .def_property_readonly("responding", &TouchResponse::responding, "Whether anything has touched.")
+      .def_property_readonly(
+          "warm", [](const TouchResponse& response) { return array_of(response.warm()); },
+          "Warmth of each taxel relative to the steady one [1], a new array.")
+      .def_property_readonly(
+          "leaked",
+          [](const TouchResponse& response) {
+            std::vector<double> leaked(response.warm().size());
+            for (std::size_t taxel = 0; taxel < leaked.size(); ++taxel) {
+              leaked[taxel] = response.leaked(taxel);
+            }
+            return array_of(leaked);
+          },
+          "Leaked charge of the touched force of each taxel, as a force [N].")
+      .def(
+          "advance",
+          [](TouchResponse& response, const Values& force, double duration, double leak) {
+            require_all(response.warm().size(), {force});
+            response.advance(vector_of(force), duration, leak);
+          },
+          py::arg("force"), py::arg("duration"), py::arg("leak") = 0.0, "Advance by a block.")
+      .def(
+          "matrix",
+          [](const TouchResponse& response) {
+            std::vector<double> matrix;
+            response.matrix(matrix);
+            return array_of(matrix, static_cast<py::ssize_t>(kSharedStates));
+          },
+          "Return the responses of the force errors to the shared states, [taxels, states].");
+  module.attr("WARMTH_FORCE") = kWarmthForce;
+}
+
+void bind_noise(const py::module_& module) {
+  py::class_<JumpNoise>(module, "JumpNoise", "Random walk of each force error due to steps of its signal.")
+      .def(py::init([](const Values& time_constant) { return JumpNoise(vector_of(time_constant)); }),
+           py::arg("time_constant"))
+      .def(
+          "observe",
+          [](JumpNoise& jumps, const Tested& where, const Values& change, const Values& noise, double duration) {
+            require_all(jumps.taxels(), {where, change, noise});
+            jumps.observe(where.data(), change.data(), noise.data(), duration);
+          },
+          py::arg("where"), py::arg("change"), py::arg("noise"), py::arg("duration"),
+          "Process the changes of the mean forces while nothing touches.")
+      .def(
+          "variance",
+          [](const JumpNoise& jumps, double duration) {
+            std::vector<double> variance(jumps.taxels());
+            for (std::size_t taxel = 0; taxel < variance.size(); ++taxel) {
+              variance[taxel] = jumps.variance(taxel, duration);
+            }
+            return array_of(variance);
+          },
+          py::arg("duration"), "Return the variance by which each force error grows in a time [N2].")
+      .def(
+          "least_offset_variance",
+          [](const JumpNoise& jumps) {
+            std::vector<double> variance(jumps.taxels());
+            for (std::size_t taxel = 0; taxel < variance.size(); ++taxel) {
+              variance[taxel] = jumps.least_offset_variance(taxel);
+            }
+            return array_of(variance);
+          },
+          "Return the least variance of each offset [N2].");
+  module.attr("DWELL") = kDwell;
+  module.attr("JUMP_MEMORY") = kJumpMemory;
+
+  py::class_<TemperatureWalk>(module, "TemperatureWalk", "Random walk of the chip temperature.")
+      .def(py::init<double, double>(), py::arg("least"), py::arg("film_lag"))
+      .def("pause", &TemperatureWalk::pause, "Forget the temperatures.")
+      .def("observe", &TemperatureWalk::observe, py::arg("rise"), py::arg("variance"), py::arg("duration"),
+           "Process the rise of the film's temperature from one block to the next.")
+      .def_property_readonly("intensity", &TemperatureWalk::intensity,
+                             "Variance by which the temperature grows in each second [K2/s].");
+
+  py::class_<RestDetector> rest(module, "RestDetector", "Detects rest block by block.");
+  rest.def(py::init<std::size_t, double, double, double, double>(), py::arg("taxels"), py::arg("noise"),
+           py::arg("offset_spread"), py::arg("settle_time"), py::arg("time_constant"))
+      .def(
+          "start",
+          [](RestDetector& detector, const Values& signal) {
+            require_all(detector.taxels(), {signal});
+            detector.start(signal.data());
+          },
+          py::arg("signal"), "Set the reference signals [N] from the first scan.")
+      .def(
+          "update",
+          [](RestDetector& detector, const Values& signal, const Tested& ignored, double duration, bool warming) {
+            require_all(detector.taxels(), {signal, ignored});
+            return detector.update(signal.data(), ignored.data(), duration, warming);
+          },
+          py::arg("signal"), py::arg("ignored"), py::arg("duration"), py::arg("warming") = false,
+          "Process the signals at the end of a block; return whether the array is at rest.")
+      .def_property_readonly("moved", &RestDetector::moved, "Whether a signal moved in the last block.");
+  rest.attr("STILL") = RestDetector::kStill;
+  rest.attr("SINGLE_TAXEL_FACTOR") = RestDetector::kSingleTaxelFactor;
+  rest.attr("LEAKED") = RestDetector::kLeaked;
+}
+
+void bind_validity(const py::module_& module) {
+  py::class_<NegativeForceMonitor>(module, "NegativeForceMonitor", "Finds forces that stay negative and steady.")
+      .def(py::init<std::size_t, double>(), py::arg("taxels"), py::arg("steady_time"))
+      .def(
+          "update",
+          [](NegativeForceMonitor& monitor, const Tested& where, const Values& mean, double limit, const Tested& still,
+             double duration) {
+            require_all(monitor.taxels(), {where, mean, still});
+            TaxelFlags confirmed(monitor.taxels());
+            monitor.update(where.data(), mean.data(), limit, still.data(), duration, confirmed.data());
+            return array_of(confirmed);
+          },
+          py::arg("where"), py::arg("mean"), py::arg("limit"), py::arg("still"), py::arg("duration"),
+          "Process the mean forces of a block; return the mask of confirmed errors of the baseline.")
+      .def("reset", &NegativeForceMonitor::reset, "Forget for how long forces have been negative.");
+
+  py::class_<LowerBoundMonitor>(module, "LowerBoundMonitor", "Marks the taxels whose force is a lower bound.")
+      .def(py::init<std::size_t, double, double>(), py::arg("taxels"), py::arg("threshold"), py::arg("release_time"))
+      .def_property_readonly(
+          "mask", [](const LowerBoundMonitor& monitor) { return array_of(monitor.mask()); },
+          "Taxels whose force is a lower bound, a new array.")
+      .def(
+          "start",
+          [](LowerBoundMonitor& monitor, const Values& before, const Values& remaining) {
+            require_all(monitor.mask().size(), {before, remaining});
+            monitor.start(before.data(), remaining.data());
+          },
+          py::arg("before"), py::arg("remaining"), "Mark taxels after an interruption.")
+      .def(
+          "update",
+          [](LowerBoundMonitor& monitor, const Values& force, double elapsed) {
+            require_all(monitor.mask().size(), {force});
+            monitor.update(force.data(), elapsed);
+          },
+          py::arg("force"), py::arg("elapsed"), "Process the mean forces of a block.");
+}
+
+void bind_residuals(const py::module_& module) {
+  using Residuals = UnexplainedResiduals;
+  py::class_<Residuals> bound(module, "UnexplainedResiduals", "Taxels whose residual no state explains.");
+  bound.def(py::init<std::size_t, double>(), py::arg("taxels"), py::arg("threshold"))
+      .def_property_readonly(
+          "rising", [](const Residuals& residuals) { return array_of(residuals.rising()); },
+          "Taxels with a positive residual, a new array.")
+      .def_property_readonly(
+          "below", [](const Residuals& residuals) { return array_of(residuals.below()); },
+          "Time for which each taxel has been below zero [s], a new array.")
+      .def(
+          "persistent",
+          [](Residuals& residuals, const Tested& where, const Values& residual) {
+            require_all(residuals.below().size(), {where, residual});
+            TaxelFlags odd(residuals.below().size());
+            residuals.add_persistent(where.data(), residual.data(), odd.data());
+            return array_of(odd);
+          },
+          py::arg("where"), py::arg("residual"),
+          "Process a block; return the taxels whose residuals have been positive in too many blocks.")
+      .def(
+          "update",
+          [](Residuals& residuals, const Tested& odd, const Values& residual, const Values& mean, const Values& noise,
+             double duration) {
+            require_all(residuals.below().size(), {odd, residual, mean, noise});
+            TaxelFlags errors(residuals.below().size());
+            residuals.update(odd.data(), residual.data(), mean.data(), noise.data(), duration, errors.data());
+            return array_of(errors);
+          },
+          py::arg("odd"), py::arg("residual"), py::arg("mean"), py::arg("noise"), py::arg("duration"),
+          "Process a block; return the taxels whose residual is an error of the baseline.")
+      .def("reset", &Residuals::reset, "Forget everything but the averages.");
+  bound.attr("NEGATIVE_TIME") = Residuals::kNegativeTime;
+  bound.attr("UNEXPLAINED_TIME") = Residuals::kUnexplainedTime;
+  bound.attr("STEADY_DEVIATIONS") = Residuals::kSteadyDeviations;
+  bound.attr("SMALL") = Residuals::kSmall;
+  bound.attr("PERSISTENT_BLOCKS") = Residuals::kPersistentBlocks;
+  module.attr("GATE") = kGate;
+}
+
+void bind_release(const py::module_& module) {
+  py::class_<ReleaseDetector> bound(module, "ReleaseDetector", "Finds contacts that are listed, but were released.");
+  bound.def(py::init<std::size_t>(), py::arg("taxels"))
+      .def(
+          "update",
+          [](ReleaseDetector& detector, const py::sequence& contacts, const Values& mean, const Tested& touched,
+             const Values& variance, double noise) {
+            require_all(detector.taxels(), {mean, touched, variance});
+            const std::vector<Taxels> taxels = contacts_from(contacts, static_cast<Taxel>(detector.taxels()));
+            TaxelFlags released(detector.taxels());
+            detector.update(pointers_to(taxels), mean.data(), touched.data(), variance.data(), noise, released.data());
+            return array_of(released);
+          },
+          py::arg("contacts"), py::arg("mean"), py::arg("touched"), py::arg("variance"), py::arg("noise"),
+          "Process a block; return the taxels of released contacts.");
+  bound.attr("STILL_BLOCKS") = ReleaseDetector::kStillBlocks;
+  bound.attr("RELEASED_BLOCKS") = ReleaseDetector::kReleasedBlocks;
+  bound.attr("RELEASED_SHARE") = ReleaseDetector::kReleasedShare;
+  bound.attr("RESIDUAL_MOTION") = ReleaseDetector::kResidualMotion;
+  bound.attr("PEAK_DECAY") = ReleaseDetector::kPeakDecay;
+}
+
+void bind_uniform(const py::module_& module) {
+  py::class_<UniformChange> bound(module, "UniformChange", "Hypothesis that all taxels changed with the film.");
+  bound
+      .def(py::init([](const Values& newton_per_kelvin, double spread) {
+             return UniformChange(vector_of(newton_per_kelvin), spread);
+           }),
+           py::arg("newton_per_kelvin"), py::arg("spread"))
+      .def_property_readonly("observable", &UniformChange::observable, "Whether the pattern is informative.")
+      .def_property_readonly("open", &UniformChange::open, "Whether the hypothesis is open for a rise of the forces.")
+      .def_property_readonly("may_open", &UniformChange::may_open, "Whether the hypothesis may be made now.")
+      .def(
+          "temperature",
+          [](UniformChange& uniform, const Values& residual, const Tested& where, const Values& deviation,
+             const Values& own, double duration, bool touched) {
+            require_all(uniform.taxels(), {residual, where, deviation, own});
+            return uniform.temperature(residual.data(), where.data(), deviation.data(), own.data(), duration, touched);
+          },
+          py::arg("residual"), py::arg("where"), py::arg("deviation"), py::arg("own"), py::arg("duration"),
+          py::arg("touched") = false, "Return the temperature change that explains the residuals [K]; 0: none.")
+      .def("begin", &UniformChange::begin, "Open the hypothesis.")
+      .def(
+          "is_refused",
+          [](UniformChange& uniform, const Tested& odd, const Tested& where, double claimed, double shown,
+             double deviation, double negligible, double wait, double duration) {
+            require_all(uniform.taxels(), {odd, where});
+            std::size_t both = 0;
+            std::size_t judged = 0;
+            for (std::size_t taxel = 0; taxel < uniform.taxels(); ++taxel) {
+              both += odd.data()[taxel] && where.data()[taxel] ? 1 : 0;
+              judged += where.data()[taxel] ? 1 : 0;
+            }
+            return uniform.is_refused(both, judged, {claimed, shown, deviation, negligible, wait}, duration);
+          },
+          py::arg("odd"), py::arg("where"), py::arg("claimed"), py::arg("shown"), py::arg("deviation"),
+          py::arg("negligible"), py::arg("wait"), py::arg("duration"),
+          "Process a block; return whether the open hypothesis is wrong.")
+      .def("refuse", &UniformChange::refuse, "Close the hypothesis as wrong.")
+      .def("close", &UniformChange::close, "Close the hypothesis, wrong or not.");
+  bound.attr("FEWEST") = kFewestForUniform;
+  bound.attr("NOTICEABLE") = UniformChange::kNoticeable;
+  bound.attr("FASTEST") = UniformChange::kFastest;
+  bound.attr("MISFITS") = UniformChange::kMisfits;
+  bound.attr("CONFIRMATION") = UniformChange::kConfirmation;
+  bound.attr("INTERVAL") = UniformChange::kInterval;
+  bound.attr("CONFIRMED") = UniformChange::kConfirmed;
+  bound.attr("DISTINCT") = UniformChange::kDistinct;
+  bound.attr("PAUSE") = UniformChange::kPause;
+}
+
+/// Rows of a matrix.
+std::vector<std::vector<double>> rows_of(const Values& matrix) {
+  std::vector<std::vector<double>> rows;
+  rows.reserve(static_cast<std::size_t>(matrix.shape(0)));
+  for (py::ssize_t row = 0; row < matrix.shape(0); ++row) {
+    rows.emplace_back(matrix.data(row, 0), matrix.data(row, 0) + matrix.shape(1));
+  }
+  return rows;
+}
+
+/// Columns of a matrix.
+std::vector<std::vector<double>> columns_of(const Values& matrix) {
+  std::vector<std::vector<double>> columns(static_cast<std::size_t>(matrix.shape(1)));
+  for (py::ssize_t row = 0; row < matrix.shape(0); ++row) {
+    for (py::ssize_t column = 0; column < matrix.shape(1); ++column) {
+      columns[static_cast<std::size_t>(column)].push_back(*matrix.data(row, column));
+    }
+  }
+  return columns;
+}
+
+void bind_steady_force(py::module_& module) {
+  py::class_<SharedMeasurement>(module, "SharedMeasurement", "A measurement of the shared states.")
+      .def_readonly("innovation", &SharedMeasurement::innovation, "Measured less expected value.")
+      .def_property_readonly(
+          "sensitivity", [](const SharedMeasurement& measured) { return array_of(measured.sensitivity); },
+          "Sensitivity to the shared states, [states].")
+      .def_readonly("variance", &SharedMeasurement::variance, "Variance of the noise.");
+  module.def(
+      "steady_force",
+      [](const Values& time, const Values& force, const Values& charge, const Values& response, double warmed,
+         double noise) {
+        const py::ssize_t blocks = time.size();
+        for (const Values& values : {force, charge, response}) {
+          if (values.ndim() != 2 || values.shape(0) != blocks || blocks < 4) {
+            throw std::invalid_argument("force, charge and response must have a row for each block, at least four");
+          }
+        }
+        if (charge.shape(1) != force.shape(1)) {
+          throw std::invalid_argument("force and charge must be of the same taxels");
+        }
+        return steady_force({vector_of(time), rows_of(force), rows_of(charge), columns_of(response)}, warmed, noise);
+      },
+      py::arg("time"), py::arg("force"), py::arg("charge"), py::arg("response"), py::arg("warmed"), py::arg("noise"),
+      "Return what the touched taxels together tell of the shared states in a window of blocks; None: nothing.");
+  module.attr("HOP") = kHop;
+  module.attr("STEADINESS") = kSteadiness;
+}
+
+}  // namespace
+
+void bind_estimation_parts(py::module_& module) {
+  bind_surroundings(module);
+  bind_dynamics(module);
+  bind_touch_response(module);
+  bind_noise(module);
+  bind_validity(module);
+  bind_residuals(module);
+  bind_release(module);
+  bind_uniform(module);
+  bind_steady_force(module);
+}
+
+}  // namespace posfet
