@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
+from posfet_core.scan_path import OWN_STATES as OWN
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.force_error_filter import OWN, start_belief
 from reference import force_error_filter as plain
-from reference.estimation.error_states import start_covariance, start_mean
+from reference.estimation.error_states import start_belief, start_covariance, start_mean
 
 Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")

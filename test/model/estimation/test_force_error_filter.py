@@ -17,13 +17,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import SharedDynamics, TouchResponse
+from posfet_core.scan_path import NEGLIGIBLE_CORRELATION, Belief, ForceErrorFilter, SharedDynamics, TouchResponse
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.force_error_filter import NEGLIGIBLE, Belief, ForceErrorFilter, start_belief
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.grid import compiled_layout
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
-from reference.estimation.error_states import start_covariance, start_mean
+from reference.estimation.error_states import start_belief, start_covariance, start_mean
 
 Array = NDArray[np.float64]
 SENSOR = load_sensor()
@@ -159,9 +158,9 @@ def rounding(dense: Dense, steps: int) -> float:
     """Return a bound of the rounding error relative to the largest entry.
 
     Each step solves a system with the covariance: eps times its condition number, for each of its rows. The filter adds
-    `NEGLIGIBLE` to the correlation of each shared state with itself.
+    `NEGLIGIBLE_CORRELATION` to the correlation of each shared state with itself.
     """
-    return steps * (NEGLIGIBLE + len(dense.mean) * EPSILON * float(np.linalg.cond(dense.covariance)))
+    return steps * (NEGLIGIBLE_CORRELATION + len(dense.mean) * EPSILON * float(np.linalg.cond(dense.covariance)))
 
 
 def assert_same(belief: Belief, dense: Dense, steps: int) -> None:

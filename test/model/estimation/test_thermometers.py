@@ -14,7 +14,7 @@ import math
 import numpy as np
 import pytest
 
-from posfet_model.estimation.thermometers import FASTEST_WARMING, Thermometers
+from posfet_core.scan_path import FASTEST_WARMING, Thermometers
 
 NAN = math.nan
 

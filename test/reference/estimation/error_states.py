@@ -14,11 +14,20 @@ from typing import Final
 
 import numpy as np
 
+from posfet_core import scan_path
 from posfet_model._lib.types import Array
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 
 NEGLIGIBLE: Final = 1e-6
 """Deviation of the temperatures at the start, which are zero by definition [K]; not 0, for a regular covariance."""
+
+
+def start_belief(taxels: int, shared: Array, covariance: Array) -> scan_path.Belief:
+    """Return a belief without force errors, with shared states and their covariance."""
+    own, size = scan_path.OWN_STATES, len(shared)
+    return scan_path.Belief(
+        shared, covariance, np.zeros((taxels, own)), np.zeros((taxels, own, size)), np.zeros((taxels, own, own))
+    )
 
 
 def start_covariance(priors: ErrorPriors) -> Array:

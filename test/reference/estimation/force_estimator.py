@@ -20,17 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
+from posfet_core.scan_path import OWN_STATES as OWN
+from posfet_core.scan_path import Belief, ForceErrorFilter, Thermometers
 from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.force_error_filter import OWN, Belief, ForceErrorFilter, start_belief
 from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
-from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation.contact_surroundings import ContactSurroundings
-from reference.estimation.error_states import SharedDynamics, start_covariance, start_mean
+from reference.estimation.error_states import SharedDynamics, start_belief, start_covariance, start_mean
 from reference.estimation.jump_noise import QUIET, JumpNoise
 from reference.estimation.known_forces import (
     GATE,
