@@ -14,11 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from posfet_model.reconstruction.bursts import LEAST_JUMP, NOISE_FREE
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
+from reference.reductions import any_true
 from reference.skin_response import SkinResponse
 
 MOST_IN_A_ROW: Final = 3

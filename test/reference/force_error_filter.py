@@ -25,9 +25,9 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import Shared
+from reference.reductions import any_true
 
 OWN: Final = 4
 """Number of states of each taxel."""

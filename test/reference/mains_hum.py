@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from reference.hum_filter import HumFilter
+from reference.reductions import any_true
 
 FREQUENCIES: Final = (50.0, 60.0)
 """Nominal mains frequencies [Hz]."""

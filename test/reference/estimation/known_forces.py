@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
-from posfet_model._lib.reductions import median
 from posfet_model._lib.types import Array, Mask
+from reference.reductions import median
 
 GATE: Final = 5.0
 """Deviations from which on a residual is no error that the filter expects [1]."""

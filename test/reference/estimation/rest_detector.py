@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import upper_median
+from reference.reductions import upper_median
 
 STILL: Final = 8.0
 """A signal is still within this many standard deviations of a reading [1]."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
+from reference.reductions import any_true
 
 
 class NegativeForceMonitor:

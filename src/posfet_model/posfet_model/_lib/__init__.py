@@ -5,4 +5,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Private helpers: argument validation, array types, units, fast reductions, first-order systems. No other imports."""
+"""Private helpers: argument validation, array types, units, first-order systems. No other imports."""

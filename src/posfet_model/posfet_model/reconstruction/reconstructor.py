@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
-from posfet_model._lib.reductions import any_true
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder
 from posfet_model.contacts.slip import DynamicChannel, Motion
@@ -453,7 +452,7 @@ class Reconstructor:
         self._set_total(known)
         if self._result.saturated:
             bounded = self._saturated & ~faults.faulty
-            if any_true(bounded):
+            if bounded.any():
                 image.status[bounded] = TaxelStatus.SATURATED
                 image.standard_deviation[bounded] = math.nan
                 image.total_standard_deviation = math.nan
@@ -467,7 +466,7 @@ class Reconstructor:
         image.load_variance.fill(0.0)
         np.copyto(image.load, image.force, where=known)
         np.copyto(image.load_variance, self._variance, where=known)
-        if not any_true(known):
+        if not known.any():
             return
         image.total = float(estimator.force.sum(where=known))
         shared = estimator.correlated_error[known].sum(axis=0)
