@@ -38,7 +38,8 @@ STEP = 4e-3
 
 TOLERANCE = 1e-9
 """Relative to the deviation or the greatest value of a kind [1]: sums are added up in other orders, and exponentials
-rounded otherwise, each within 1e-15, of which some hundred blocks make 1e-12. Of 360 random stories one reached 7e-11."""
+rounded otherwise, each within 1e-15, of which some hundred blocks make 1e-12. Of 160 random stories one reached
+7e-11."""
 
 WARMING_TOLERANCE = 1e-7
 """The same while the film's temperature jumps. The filter then admits a change a million times greater than what is
