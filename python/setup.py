@@ -24,7 +24,7 @@ PACKAGES = ("posfet", "posfet_core", "posfet_driver", "posfet_model", "posfet_si
 MESSAGES = "posfet_sim.recording.msg"
 ONLY = {
     "posfet": {"__init__", "can", "cli", "doctor", "gym", "replay_command"},
-    "posfet_model.ros": {"__init__", "contacts_cdr", "exit_codes", "model_settings", "start"},
+    "posfet_model.ros": {"__init__", "contacts_cdr", "exit_codes", "model_settings", "on_demand", "start"},
 }
 """Packages of which only these modules run without ROS."""
 WITHOUT = {"posfet.terminal", "posfet.web", "posfet_driver.ros", "posfet_sim.ros"}
