@@ -81,9 +81,9 @@ class JumpNoise:
         """
         self._time += np.where(where, duration, 0.0)
         square = change * change
-        # A rise may be a touch that is too weak to be listed: its charge leaks, that of a step stays. A change that does
-        # not stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often as they
-        # are taken.
+        # A rise may be a touch that is too weak to be listed: its charge leaks, that of a step stays. A change that
+        # does not stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often
+        # as they are taken.
         leaked = -np.expm1(-lag / self._tau)
         stays = (leaked >= TOLD) & (np.abs(since) < 0.5 * leaked * np.abs(change))
         share = np.where(stays, 1.0, np.where(change < 0.0, 2.0, 0.0))
