@@ -34,7 +34,8 @@ void JumpNoise::observe(const bool* where, const double* change, const double* s
 /// Number of steps that a change stands for.
 ///
 /// A rise may be a touch that is too weak to be listed: its charge leaks, that of a step stays. A change that does not
-/// stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often as they are taken.
+/// stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often as they are
+/// taken.
 double JumpNoise::steps(std::size_t taxel, double change, double since, double lag) const {
   const double leaked = -std::expm1(-lag / tau_[taxel]);
   if (leaked >= kToldLeak && std::abs(since) < 0.5 * leaked * std::abs(change)) {
