@@ -487,10 +487,7 @@ class ForceEstimator:
         kelvin = upper_median((change / self._per_kelvin)[usable])
         change += later.mean - after.mean - later.span * drift
         change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
-        newest = self._blocks[-1]
-        since = newest.charge - later.charge
-        since -= self._per_kelvin * upper_median((since / self._per_kelvin)[usable])
-        self._jumps.observe(usable, change, since, (LAG - 3) * BLOCK, after.noise, after.span)
+        self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
         known = self._walk.intensity

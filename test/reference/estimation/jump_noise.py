@@ -15,14 +15,11 @@ import numpy as np
 
 from posfet_model._lib.types import Array, Mask
 
-STEP: Final = 4.2
+STEP: Final = 4.0
 """Deviations of the difference of two blocks' means from which on it is a step [1]."""
 
 SEEN: Final = 2.0
 """Number of such differences that show the same step [1], with a block between the two."""
-
-TOLD: Final = 0.5
-"""Share of its charge that a force has leaked while a step must last, from which on that is told from a step [1]."""
 
 QUIET: Final = 0.3
 """Time for which no contact must have been listed [s]: the end of a release is no step."""
@@ -59,7 +56,7 @@ class JumpNoise:
         self._squares, self._time = np.zeros((2, len(time_constant)))
         self._any = False
 
-    def observe(self, where: Mask, change: Array, since: Array, lag: float, noise: Array, duration: float) -> None:
+    def observe(self, where: Mask, change: Array, noise: Array, duration: float) -> None:
         """Process the change of the mean force from one block to the one after the next, while nothing touches.
 
         A step within the block in between is seen whole.
@@ -70,10 +67,6 @@ class JumpNoise:
             Taxels whose signals count.
         change : ndarray of float64, shape [taxels]
             Changes [N].
-        since : ndarray of float64, shape [taxels]
-            Changes of the charge after them, as forces [N].
-        lag : float
-            In this time [s].
         noise : ndarray of float64, shape [taxels]
             Variance of a mean [N2].
         duration : float
@@ -81,17 +74,13 @@ class JumpNoise:
         """
         self._time += np.where(where, duration, 0.0)
         square = change * change
-        # A rise may be a touch that is too weak to be listed: its charge leaks, that of a step stays. A change that
-        # does not stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often
-        # as they are taken.
-        leaked = -np.expm1(-lag / self._tau)
-        stays = (leaked >= TOLD) & (np.abs(since) < 0.5 * leaked * np.abs(change))
-        share = np.where(stays, 1.0, np.where(change < 0.0, 2.0, 0.0))
-        step = where & (share > 0.0) & (square > 2.0 * STEP * STEP * noise)
+        # A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
+        # twice.
+        step = where & (change < 0.0) & (square > 2.0 * STEP * STEP * noise)
         if not (self._any or step.any()):
             return
         self._any = True
-        rate = np.where(step, share / SEEN * square / duration, 0.0) - self._squares
+        rate = np.where(step, 2.0 / SEEN * square / duration, 0.0) - self._squares
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
 
     def variance(self, duration: float) -> Array | float:

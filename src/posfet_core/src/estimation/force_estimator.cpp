@@ -621,9 +621,7 @@ void ForceEstimator::observe_rest(bool listed) {
     chosen_[taxel] = !ignored()[taxel];
     noise += chosen_[taxel] ? after.noise[taxel] / square(response) : 0.0;
   }
-  std::vector<double> since(taxels());
-  const double lag = charge_change(later, blocks_.newest(), since);
-  jumps_.observe(chosen_.data(), change.data(), since.data(), lag, after.noise.data(), after.span);
+  jumps_.observe(chosen_.data(), change.data(), after.noise.data(), after.span);
   const double known = walk_.intensity();
   walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
   if (const double grown = walk_.intensity() - known; grown > 0.0) {
@@ -647,23 +645,6 @@ double ForceEstimator::add_change(const Block& from, const Block& to, std::vecto
     }
   }
   return upper_median(kelvins);
-}
-
-/// Find how the charge of each taxel has changed between two blocks, as a force [N], but for what all have in common;
-/// returns the time between the two [s].
-double ForceEstimator::charge_change(const Block& from, const Block& to, std::vector<double>& change) const {
-  std::vector<double> kelvins;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    change[taxel] = to.charge[taxel] - from.charge[taxel];
-    if (!ignored()[taxel]) {
-      kelvins.push_back(change[taxel] / array_.newton_per_kelvin[taxel]);
-    }
-  }
-  const double kelvin = upper_median(kelvins);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    change[taxel] -= array_.newton_per_kelvin[taxel] * kelvin;
-  }
-  return static_cast<double>(LastBlocks::kLag - 3) * block_duration_;
 }
 
 /// Update the shared states by a force that has been steady in all stored blocks.

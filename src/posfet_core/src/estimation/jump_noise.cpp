@@ -8,7 +8,6 @@
 #include "posfet_core/estimation/jump_noise.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace posfet {
@@ -16,32 +15,20 @@ namespace posfet {
 JumpNoise::JumpNoise(std::vector<double> time_constant)
     : tau_(std::move(time_constant)), squares_(tau_.size(), 0.0), time_(tau_.size(), 0.0) {}
 
-void JumpNoise::observe(const bool* where, const double* change, const double* since, double lag, const double* noise,
-                        double duration) {
+void JumpNoise::observe(const bool* where, const double* change, const double* noise, double duration) {
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
     if (!where[taxel]) {
       continue;
     }
     time_[taxel] += duration;
     const double square = change[taxel] * change[taxel];
-    const bool seen = square > 2.0 * kStep * kStep * noise[taxel];
-    const double rate = seen ? steps(taxel, change[taxel], since[taxel], lag) / kStepSeen * square / duration : 0.0;
+    // A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
+    // twice.
+    const bool step = change[taxel] < 0.0 && square > 2.0 * kStep * kStep * noise[taxel];
+    const double rate = step ? 2.0 / kStepSeen * square / duration : 0.0;
     const double share = duration / std::min(std::max(time_[taxel], kLeastJumpMemory), kJumpMemory);
     squares_[taxel] += share * (rate - squares_[taxel]);
   }
-}
-
-/// Number of steps that a change stands for.
-///
-/// A rise may be a touch that is too weak to be listed: its charge leaks, that of a step stays. A change that does not
-/// stay, or of which that cannot be told, counts if it is a fall, and twice: levels are left as often as they are
-/// taken.
-double JumpNoise::steps(std::size_t taxel, double change, double since, double lag) const {
-  const double leaked = -std::expm1(-lag / tau_[taxel]);
-  if (leaked >= kToldLeak && std::abs(since) < 0.5 * leaked * std::abs(change)) {
-    return 1.0;
-  }
-  return change < 0.0 ? 2.0 : 0.0;
 }
 
 double JumpNoise::variance(std::size_t taxel, double duration) const {

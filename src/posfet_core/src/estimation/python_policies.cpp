@@ -181,12 +181,11 @@ void bind_noise(const py::module_& module) {
            py::arg("time_constant"))
       .def(
           "observe",
-          [](JumpNoise& jumps, const Tested& where, const Values& change, const Values& since, double lag,
-             const Values& noise, double duration) {
-            require_all(jumps.taxels(), {where, change, since, noise});
-            jumps.observe(where.data(), change.data(), since.data(), lag, noise.data(), duration);
+          [](JumpNoise& jumps, const Tested& where, const Values& change, const Values& noise, double duration) {
+            require_all(jumps.taxels(), {where, change, noise});
+            jumps.observe(where.data(), change.data(), noise.data(), duration);
           },
-          py::arg("where"), py::arg("change"), py::arg("since"), py::arg("lag"), py::arg("noise"), py::arg("duration"),
+          py::arg("where"), py::arg("change"), py::arg("noise"), py::arg("duration"),
           "Process the changes of the mean forces while nothing touches.")
       .def(
           "variance",

@@ -172,7 +172,6 @@ private:
   void take_reading(Block& block);
   void observe_rest(bool listed);
   double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
-  double charge_change(const Block& from, const Block& to, std::vector<double>& change) const;
   void observe_steady_force();
   Taxels held_taxels() const;
   SteadyWindow window_of(const Taxels& held) const;

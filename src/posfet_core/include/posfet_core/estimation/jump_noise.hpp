@@ -14,13 +14,10 @@
 namespace posfet {
 
 /// Deviations of the difference of two blocks' means from which on it is a step [1].
-constexpr double kStep = 4.2;
+constexpr double kStep = 4.0;
 
 /// Number of such differences that show the same step [1], with a block between the two.
 constexpr double kStepSeen = 2.0;
-
-/// Share of its charge that a force has leaked while a step must last, from which on that is told from a step [1].
-constexpr double kToldLeak = 0.5;
 
 /// Time for which no contact must have been listed [s]: the end of a release is no step.
 constexpr double kQuiet = 0.3;
@@ -49,11 +46,9 @@ public:
   std::size_t taxels() const { return tau_.size(); }
 
   /// Process the changes of the mean forces [N] from one block to the one after the next, while nothing touches, of the
-  /// taxels whose signals count, and how the charge has changed in a time `lag` [s] since, as a force [N]; with the
-  /// variances of a mean [N2] and the time between two blocks that follow each other [s]. A step within the block in
-  /// between is seen whole.
-  void observe(const bool* where, const double* change, const double* since, double lag, const double* noise,
-               double duration);
+  /// taxels whose signals count; with the variances of a mean [N2] and the time between two blocks that follow each
+  /// other [s]. A step within the block in between is seen whole.
+  void observe(const bool* where, const double* change, const double* noise, double duration);
 
   /// Variance by which a force error grows in a time [s] [N2].
   double variance(std::size_t taxel, double duration) const;
@@ -62,8 +57,6 @@ public:
   double least_offset_variance(std::size_t taxel) const { return squares_[taxel] * (0.25 * kDwell); }
 
 private:
-  double steps(std::size_t taxel, double change, double since, double lag) const;
-
   std::vector<double> tau_;
   std::vector<double> squares_;  ///< J [N2/s].
   std::vector<double> time_;     ///< Time of observation [s].
