@@ -58,8 +58,9 @@ build: $(BUILT)
 $(BUILT): $(SOURCES) tools/build.sh | $(READY)
 	@tools/build.sh
 
+# A new .venv has none of their packages.
 ifndef ROS_DISTRO
-$(BUILT): .venv/.ready
+$(BUILT) benchmarks/.ready: .venv/.ready
 endif
 
 bringup: $(BUILT)
