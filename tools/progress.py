@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Show what pip or colcon, whose output is piped in, is doing: one line per step, on a terminal with a progress bar.
+"""Show what colcon, whose output is piped in, is doing: one line per package, on a terminal with a progress bar.
 
 ``colcon build ... | progress.py 5``, with the number of packages.
 Runs with any Python from 3.10 on, before anything is installed.

@@ -26,6 +26,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 ENVIRONMENT: Final = "posfet: set up in "
 """Begin of the line that says how long the set-up of .venv took [s]."""
 NO_CACHE: Final = {"PIP_NO_CACHE_DIR": "1", "UV_NO_CACHE": "1"}
+"""Environment variables with which every package is downloaded."""
 
 
 def unavailable(environment: Mapping[str, str]) -> str:
