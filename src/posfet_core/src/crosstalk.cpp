@@ -11,13 +11,13 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
 namespace posfet {
 
 namespace {
 
-constexpr double kPi = 3.141592653589793;
 constexpr double kGreatestShare = 0.2;
 
 /// Modes of a line of taxels, [size, size].

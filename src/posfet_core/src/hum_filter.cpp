@@ -10,13 +10,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
-namespace {
-
-constexpr double kTurn = 6.283185307179586;
-
-}  // namespace
+namespace {}  // namespace
 
 HumFilter::HumFilter(std::size_t taxels, std::size_t scans)
     : taxels_(taxels), parts_(2 * taxels, 0.0), window_(scans * taxels, 0.0), times_(scans, 0.0) {

@@ -11,11 +11,11 @@
 #include <cmath>
 #include <limits>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
-
-constexpr double kTurn = 6.283185307179586;
 
 /// Number of scans of a window; 0: the rate is too low.
 std::size_t scans_of_window(double rate) {

@@ -11,11 +11,11 @@
 #include <cmath>
 #include <utility>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
-
-constexpr double kTwoPi = 6.283185307179586;
 
 /// Least force of a contact by which another number is divided [N].
 constexpr double kLeastForce = 1e-9;
@@ -58,7 +58,7 @@ void DynamicChannel::pause() {
 void DynamicChannel::advance(const double* change, double step) {
   if (running_) {
     // Factors of the last value, and of a change at a constant rate over the step.
-    const double passed = kTwoPi * kCornerFrequency * step;
+    const double passed = kTurn * kCornerFrequency * step;
     const double decay = std::exp(-passed);
     const double share = (1.0 - decay) / passed;
     for (std::size_t taxel = 0; taxel < high_passed_.size(); ++taxel) {
@@ -97,7 +97,7 @@ void DynamicChannel::update_motion(Motion& motion, const Region& region, const d
   // The centre is that of these taxels alone, not the contact's centre of pressure.
   const double share = fast.sum / total;
   const double moment = std::hypot(fast.x - share * slow.x, fast.y - share * slow.y);
-  const double per_speed = total / (kTwoPi * kCornerFrequency);
+  const double per_speed = total / (kTurn * kCornerFrequency);
   const double noise = noise_moment(region);
   if (moment > kSlipSpeed * per_speed && moment > lever_ * std::abs(fast.sum) && std::abs(share) < kOnsetShare &&
       moment > noise) {

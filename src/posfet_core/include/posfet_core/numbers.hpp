@@ -5,12 +5,15 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// Comparisons of numbers of which one may be unknown (NaN).
+/// Constants, and comparisons of numbers of which one may be unknown (NaN).
 #pragma once
 
 #include <cmath>
 
 namespace posfet {
+
+constexpr double kPi = 3.141592653589793;
+constexpr double kTurn = 2.0 * kPi;  ///< [rad]
 
 /// The greater number; NaN if one is NaN.
 inline double maximum(double one, double other) { return one >= other || std::isnan(one) ? one : other; }

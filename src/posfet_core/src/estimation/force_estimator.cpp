@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "posfet_core/medians.hpp"
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
 namespace posfet {
@@ -96,8 +97,6 @@ constexpr double kAbsorbedTime = 1.0;
 /// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, lost scans.
 constexpr std::size_t kOtherCauses = 3;
 constexpr std::size_t kCauses = kSharedStates + kOtherCauses;
-
-constexpr double kPi = 3.14159265358979323846;
 
 constexpr std::size_t own_at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
 
