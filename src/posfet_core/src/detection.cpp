@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "posfet_core/numbers.hpp"
@@ -21,8 +20,6 @@ namespace {
 /// A force counts as greater than another where it is by this much [1]: interpolation from two equal forces gives
 /// theirs to the rounding.
 constexpr double kGreater = 1.0 + 1e-9;
-
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// Greatest force of some taxels, at least one [N]; NaN when one is unknown.
 double greatest(const double* force, const Taxels& taxels) {

@@ -10,17 +10,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
-
-double sum(const std::vector<double>& values) {
-  double total = 0.0;
-  for (const double value : values) {
-    total += value;
-  }
-  return total;
-}
 
 double greatest(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
 

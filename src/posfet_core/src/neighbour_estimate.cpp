@@ -17,8 +17,6 @@ namespace posfet {
 
 namespace {
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-
 /// Forces of a square by their position from the taxel that it predicts [N]; NaN: unknown, or outside of the array.
 struct Square {
   double horizontal;

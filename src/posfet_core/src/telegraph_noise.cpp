@@ -9,28 +9,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "posfet_core/neighbour_estimate.hpp"
 #include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
-namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
+namespace {}  // namespace
 
 TelegraphDetector::TelegraphDetector(const SkinResponse& skin, double time_constant)
     : skin_(skin),
       time_constant_(time_constant),
-      level_(static_cast<std::size_t>(skin.grid().taxels()), kNone),
+      level_(static_cast<std::size_t>(skin.grid().taxels()), kUnknown),
       before_(level_),
       returns_(level_.size(), 0),
       age_(level_.size(), 0.0),
       dwell_(level_.size(), 0.0),
-      means_(kStepSpan * level_.size(), kNone),
+      means_(kStepSpan * level_.size(), kUnknown),
       change_(level_.size(), 0.0),
       step_variance_(level_.size(), 0.0),
       felt_(level_.size(), 0.0),

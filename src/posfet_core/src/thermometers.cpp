@@ -13,11 +13,11 @@
 #include <cstring>
 #include <limits>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 std::uint32_t bits_of(float number) {
   std::uint32_t bits = 0;
@@ -34,10 +34,10 @@ bool Thermometers::known() const {
 double Thermometers::read(const float* temperatures, std::size_t sensors, double step) {
   pass(step);
   if (is_repeated(temperatures, sensors)) {
-    return kNone;
+    return kUnknown;
   }
   if (sensors > sensors_.size()) {
-    sensors_.resize(sensors, {0.0F, kNone, kNone, 0.0, kNone});
+    sensors_.resize(sensors, {0.0F, kUnknown, kUnknown, 0.0, kUnknown});
   }
   reported_ = sensors;
   bool changed = false;
@@ -46,7 +46,7 @@ double Thermometers::read(const float* temperatures, std::size_t sensors, double
               changed;
   }
   update_mean();
-  return changed ? mean_ : kNone;
+  return changed ? mean_ : kUnknown;
 }
 
 /// Let time pass [s]; after an unknown time no change is too fast.
@@ -56,17 +56,17 @@ void Thermometers::pass(double step) {
     return;
   }
   for (Sensor& sensor : sensors_) {
-    sensor.came = kNone;
+    sensor.came = kUnknown;
   }
 }
 
 /// Take the reading of a sensor [degC]; return whether it is a new one.
 bool Thermometers::take(Sensor& sensor, float reading) {
-  const double value = std::isfinite(reading) ? reading : kNone;
+  const double value = std::isfinite(reading) ? reading : kUnknown;
   const bool changed = !std::isnan(value) && sensor.last != value;
   if (changed) {
     if (has_jumped(sensor, value)) {
-      sensor.offset = kNone;
+      sensor.offset = kUnknown;
     }
     sensor.came = value;
     sensor.time = time_;

@@ -5,15 +5,23 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// Constants, and comparisons of numbers of which one may be unknown (NaN).
+/// Constants, and what the standard library lacks for numbers, of which some may be unknown (NaN).
 #pragma once
 
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <vector>
 
 namespace posfet {
 
 constexpr double kPi = 3.141592653589793;
 constexpr double kTurn = 2.0 * kPi;  ///< [rad]
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+inline double square(double value) { return value * value; }
+
+inline double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 /// The greater number; NaN if one is NaN.
 inline double maximum(double one, double other) { return one >= other || std::isnan(one) ? one : other; }

@@ -8,10 +8,10 @@
 #include "posfet_core/estimation/steady_force.hpp"
 
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "posfet_core/estimation/small_matrix.hpp"
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -28,8 +28,6 @@ constexpr double kLargestChange = 0.015;
 
 /// Standard deviation of b above which a window is not informative [1].
 constexpr double kInformative = 0.03;
-
-double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 double product(const std::vector<double>& one, const std::vector<double>& other) {
   return dot(one.data(), other.data(), one.size());

@@ -29,6 +29,9 @@ constexpr std::size_t kOffset = 1;        ///< o [N].
 constexpr std::size_t kSmallForce = 2;    ///< r [N]; known exactly, 0, but beside a contact.
 constexpr std::size_t kPyroelectric = 3;  ///< p [1].
 
+/// Place of an element of the covariance of a taxel's states.
+constexpr std::size_t own_at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
+
 /// Means and covariance of the force errors; all arrays row by row.
 class Belief {
 public:
@@ -40,6 +43,9 @@ public:
 
   /// Covariance S of the shared states, [states, states].
   const SquareMatrix& covariance() const { return covariance_; }
+
+  /// Variance of a shared state.
+  double variance(std::size_t state) const { return covariance_[state * states() + state]; }
 
   /// A root L with S = L L'. Throws std::domain_error where S is not positive.
   const SquareMatrix& root() const;

@@ -24,6 +24,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/protocol/integers.hpp"
 #include "posfet_core/protocol/recent.hpp"
 
@@ -39,7 +40,6 @@ constexpr Wide kWindow = 1'000'000'000;
 constexpr std::size_t kWindows = 10;
 
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// What a window tells of the offset.
 struct SyncWindow {

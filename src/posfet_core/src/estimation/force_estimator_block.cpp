@@ -1,0 +1,302 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+// What a block shows: its mean forces, the reading of the temperature, the touch, the noise, and what a force that is
+// steady tells of the errors.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/force_estimator.hpp"
+#include "posfet_core/medians.hpp"
+#include "posfet_core/numbers.hpp"
+#include "posfet_core/product.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Longest time between two readings of the temperature sensors [s]: one that shows no change is none.
+constexpr double kLongestInterval = 0.1;
+
+/// Time after which a reading of the temperature sensors that has not changed counts again [s]: one and a half
+/// intervals of board status.
+constexpr double kRepeated = 0.15;
+
+/// Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time.
+constexpr double kSameError = 1.0;
+
+/// Least force that stands in for an unknown one beside a contact [contact threshold].
+constexpr double kLeastFelt = 0.1;
+
+/// Deviations of a block's mean by which a force must change to have moved [1].
+constexpr double kPlay = 4.0;
+
+/// Product of two changes of a force: of its change, and of the greater one of both.
+double changed_square(double now, double before) { return std::abs(now - before) * std::max(now, before); }
+
+}  // namespace
+
+/// Measure the block that is due.
+void ForceEstimator::measure(Block& block) {
+  const ForceIntegration::Block& scans = integration_->block();
+  block_mean(mean_.data());
+  block.duration = scans.elapsed;
+  block.span = 0.5 * (last_duration_ + scans.elapsed);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    block.mean[taxel] = state().raw_sum[taxel] / scans.scans;
+    block.noise[taxel] = noise_variance_[taxel] / scans.scans;
+    // What leaks in a block is its mean charge.
+    const double leaked = state().raw[taxel] - signal(taxel);
+    block.charge[taxel] = (leaked - leaked_[taxel]) * (array_.time_constant[taxel] / scans.elapsed);
+    leaked_[taxel] = leaked;
+    // Noise is no motion: without this play its path would count, which is long after a minute.
+    const double play = kPlay * std::sqrt(block.noise[taxel]);
+    steady_[taxel] = std::min(std::max(steady_[taxel], mean_[taxel] - play), mean_[taxel] + play);
+  }
+  take_reading(block);
+  measure_touch(block);
+  measure_process_noise(block);
+  block.before = *belief();
+  last_duration_ = scans.elapsed;
+}
+
+/// Take the new reading of the temperature sensors, or the last one if it has been the same for long enough.
+void ForceEstimator::take_reading(Block& block) {
+  ForceIntegration::Block& scans = integration_->block();
+  unread_ += scans.elapsed;
+  const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated && integration_->thermometers().known();
+  block.reading = repeated ? scans.sensors : scans.reading;
+  block.reading_variance = square(priors_.reading) * (repeated ? kSameError / kRepeated : 1.0);
+  block.interval = std::min(unread_, kLongestInterval);
+  if (!std::isnan(block.reading)) {
+    scans.reading = kUnknown;
+    unread_ = 0.0;
+  }
+}
+
+/// Advance the responses to the touch, and find what it lets the taxels beside it feel.
+void ForceEstimator::measure_touch(Block& block) {
+  std::vector<double>& force = values_;
+  surroundings_.dilate(block.listed, chosen_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    force[taxel] = chosen_[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+  }
+  touch_.advance(force, block.duration, belief()->shared[kLeak]);
+  touch_.matrix(block.response);
+  if (!block.touched.any()) {
+    std::fill(block.neighbour.begin(), block.neighbour.end(), 0.0);
+    std::fill(block.tail.begin(), block.tail.end(), 0.0);
+    return;
+  }
+  const double least = kLeastFelt * array_.threshold;
+  std::vector<double>& felt = values_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    felt[taxel] = ignored()[taxel] ? kUnknown : std::abs(steady_[taxel]);
+  }
+  surroundings_.complete(felt, least);
+  surroundings_.greatest_neighbour(felt, block.neighbour);
+  surroundings_.geometric_decline(felt, least, block.tail);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    block.tail[taxel] = block.touched[taxel] ? 0.0 : block.tail[taxel];
+  }
+}
+
+/// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
+void ForceEstimator::measure_process_noise(Block& block) {
+  const double scans_square = integration_->block().square;
+  const double walk = square(priors_.offset_walk) * block.span;
+  const bool touch = block.touched.any() || touch_.responding() || touched_.any();
+  const double spread = square(tail_spread());
+  double whole = 0.0;
+  double moved = 0.0;
+  double total = 0.0;
+  double before = 0.0;
+  std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
+    const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    const double tail = block.tail[taxel];
+    const double warmth = square(touch_.warm()[taxel]);
+    const double leaked = scans_square * square(1.0 / array_.time_constant[taxel]);
+    own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
+    double& grown = own[own_at(kForceError, kForceError)];
+    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + jumps_.variance(taxel, block.span);
+    if (touch) {
+      grown += square(priors_.motion) * changed_square(held, touch_force_[taxel]);
+      own[own_at(kSmallForce, kSmallForce)] =
+          spread * changed_square(tail, tail_[taxel]) +
+          square(priors_.warmth_beside * array_.newton_per_kelvin[taxel]) * std::abs(warmth - warmth_[taxel]);
+      whole += std::max(tail, tail_[taxel]);
+      moved += std::abs(tail - tail_[taxel]);
+    }
+    total += held;
+    before += touch_force_[taxel];
+    touch_force_[taxel] = held;
+    tail_[taxel] = tail;
+    warmth_[taxel] = warmth;
+  }
+  block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
+  block.rate_noise = square(priors_.touch_rate) * changed_square(total, before);
+}
+
+/// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.
+void ForceEstimator::observe_rest(bool listed) {
+  rested_ = listed ? 0.0 : rested_ + block_time();
+  if (!blocks_.full() || rested_ < LastBlocks::kLag * block_duration_ + kQuiet) {
+    walk_.pause();
+    return;
+  }
+  const std::size_t count = usable();
+  if (count < kFewestForUniform || !uniform_.observable()) {
+    return;
+  }
+  const Block& before = blocks_[0];
+  const Block& after = blocks_[1];
+  const Block& later = blocks_[2];
+  std::vector<double>& change = values_;
+  std::fill(change.begin(), change.end(), 0.0);
+  const double kelvin = add_change(before, after, change);
+  const double both = add_change(after, later, change);
+  double noise = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double response = array_.newton_per_kelvin[taxel];
+    change[taxel] -= response * both;
+    chosen_[taxel] = !ignored()[taxel];
+    noise += chosen_[taxel] ? after.noise[taxel] / square(response) : 0.0;
+  }
+  jumps_.observe(chosen_.data(), change.data(), after.noise.data(), after.span);
+  const double known = walk_.intensity();
+  walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
+  if (const double grown = walk_.intensity() - known; grown > 0.0) {
+    // A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
+    std::vector<double> drifting(kSharedStates, 0.0);
+    drifting[kDrift] = 1.0;
+    filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / integration_->block().age);
+  }
+  dynamics_.set_film_walk(walk_.intensity());
+}
+
+/// Add to changes of the mean forces [N] those from one block to the next, without what the offsets cause. Returns what
+/// all have in common, as a change of the film's temperature [K].
+double ForceEstimator::add_change(const Block& from, const Block& to, std::vector<double>& change) const {
+  std::vector<double> kelvins;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double drift = offset(taxel) / array_.time_constant[taxel];
+    change[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
+    if (!ignored()[taxel]) {
+      kelvins.push_back(change[taxel] / array_.newton_per_kelvin[taxel]);
+    }
+  }
+  return upper_median(kelvins);
+}
+
+/// Update the shared states by a force that has been steady in all stored blocks.
+void ForceEstimator::observe_steady_force() {
+  ++unobserved_;
+  if (!blocks_.full() || unobserved_ < kHop || !blocks_.newest().listed.any()) {
+    return;
+  }
+  unobserved_ = 0;
+  const Taxels held = held_taxels();
+  if (held.empty()) {
+    return;
+  }
+  const Belief& b = *belief();
+  const SteadyWindow window = window_of(held);
+  double coldest = std::numeric_limits<double>::infinity();
+  double warmest = -coldest;
+  for (std::size_t index = 0; index < blocks_.size(); ++index) {
+    coldest = std::min(coldest, blocks_[index].before.shared[kFilm]);
+    warmest = std::max(warmest, blocks_[index].before.shared[kFilm]);
+  }
+  double response = 0.0;
+  double noise = 0.0;
+  for (const Taxel each : held) {
+    response += array_.newton_per_kelvin[static_cast<std::size_t>(each)];
+    noise += blocks_.newest().noise[static_cast<std::size_t>(each)];
+  }
+  const double changed = std::sqrt(b.variance(kRate)) * (window.time.back() - window.time.front());
+  const auto found = steady_force(window, std::abs(response) * (warmest - coldest + changed), noise);
+  if (!found) {
+    return;
+  }
+  std::vector<double> spread(kSharedStates);
+  multiply(found->sensitivity.data(), b.covariance().data(), spread.data(), 1, kSharedStates, kSharedStates);
+  const double expected = dot(spread.data(), found->sensitivity.data(), kSharedStates) + found->variance;
+  if (square(found->innovation) < square(kSurprising) * expected) {
+    filter_.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
+  }
+}
+
+/// Taxels that have been in contact in all stored blocks, with a force that is known.
+Taxels ForceEstimator::held_taxels() const {
+  Taxels held;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    bool steady = !ignored()[taxel] && !lower_bound_.mask()[taxel];
+    for (std::size_t index = 0; steady && index < blocks_.size(); ++index) {
+      steady = blocks_[index].listed[taxel];
+    }
+    if (steady) {
+      held.push_back(static_cast<Taxel>(taxel));
+    }
+  }
+  return held;
+}
+
+/// What some taxels did in the stored blocks.
+SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
+  const Belief& b = *belief();
+  SteadyWindow window;
+  window.response.assign(kSharedStates, std::vector<double>(blocks_.size(), 0.0));
+  double time = 0.0;
+  for (std::size_t index = 0; index < blocks_.size(); ++index) {
+    const Block& block = blocks_[index];
+    time += block.span;
+    window.time.push_back(time);
+    auto& force = window.force.emplace_back();
+    auto& charge = window.charge.emplace_back();
+    for (const Taxel each : held) {
+      const auto taxel = static_cast<std::size_t>(each);
+      std::array<double, kSharedStates> response{};
+      std::copy_n(block.response.data() + taxel * kSharedStates, response.size(), response.begin());
+      response[kLeak] = -block.charge[taxel];  // as it is, whatever its time constant
+      charge.push_back(block.charge[taxel]);
+      force.push_back(block.mean[taxel] - b.error_of(taxel)[kForceError] -
+                      dot(response.data(), b.shared.data(), response.size()));
+      response[kFilm] = 0.0;  // the only one of these states that is not constant
+      for (std::size_t shared = 0; shared < kSharedStates; ++shared) {
+        window.response[shared][index] += response[shared];
+      }
+    }
+  }
+  return window;
+}
+
+/// Set what a slow press may have lost to the zeros before, where taxels are newly listed. It counts in the deviation
+/// only: the filter would explain the rest of the press by it.
+void ForceEstimator::suspect_absorbed(const Block& block) {
+  TaxelFlags begun(taxels());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    begun[taxel] = block.listed[taxel] && !listed_[taxel];
+  }
+  if (!begun.any()) {
+    return;
+  }
+  surroundings_.dilate(begun, chosen_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (chosen_[taxel] && !listed_[taxel]) {
+      absorbed_[taxel] = std::max(belief()->error_of(taxel)[kForceError] - usual_[taxel], 0.0);
+    }
+  }
+}
+
+}  // namespace posfet

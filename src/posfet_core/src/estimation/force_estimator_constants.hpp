@@ -1,0 +1,35 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// What several files of the force estimator use.
+#pragma once
+
+#include <cstddef>
+
+#include "posfet_core/estimation/shared_states.hpp"
+
+namespace posfet {
+
+/// A taxel restarts when its force exceeds this many times the greatest force of the device [1]; a saturated taxel may
+/// exceed the greatest force.
+constexpr double kRunaway = 4.0;
+
+/// Time for which a taxel must be consistent with a constant force before its offset counts as known [s].
+constexpr double kSettleTime = 0.1;
+
+/// Deviations from which on a reading of the temperature sensors is unexpected [1].
+constexpr double kSurprising = 3.0;
+
+/// Deviation of the total force that is always accepted [contact threshold].
+constexpr double kLeastDeviation = 1.0;
+
+/// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, lost scans.
+constexpr std::size_t kOtherCauses = 3;
+
+constexpr std::size_t kCauses = kSharedStates + kOtherCauses;
+
+}  // namespace posfet

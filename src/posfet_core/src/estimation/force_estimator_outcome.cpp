@@ -1,0 +1,203 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+// What holds until the end of the next block: correction, covariance and validity.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/force_estimator.hpp"
+#include "posfet_core/numbers.hpp"
+#include "posfet_core/product.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then.
+constexpr double kGreatestWarmth = 0.08;
+
+/// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
+constexpr double kNegligibleResponse = 1e-12;
+
+/// Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its
+/// end tells of the errors is no slow press.
+constexpr double kAbsorbedTime = 1.0;
+
+}  // namespace
+
+/// Set the correction of the next scans, covariance and validity.
+void ForceEstimator::finish(const Block& block) {
+  const Belief& b = *belief();
+  ForceIntegration::State& s = state();
+  const double rate = film_rate();
+  std::vector<double>& predicted = values_;
+  filter_.predicted(block.response.data(), predicted.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double leaking = offset(taxel) * (1.0 / array_.time_constant[taxel]);
+    const double response = array_.newton_per_kelvin[taxel] * (1.0 + b.error_of(taxel)[kPyroelectric]);
+    s.rate[taxel] = leaking + response * rate;
+    s.correction[taxel] = predicted[taxel] + 0.5 * block.duration * s.rate[taxel];
+    s.force[taxel] = s.raw[taxel] - s.correction[taxel];
+    mean_[taxel] = block.mean[taxel] - predicted[taxel];
+    usual_[taxel] += block.duration * leaking;
+    if (touched_[taxel]) {
+      untouched_time_[taxel] = 0.0;
+    } else {
+      untouched_time_[taxel] += block.duration;
+      const double time = std::min(std::max(untouched_time_[taxel], block.duration), kAbsorbedTime);
+      usual_[taxel] += block.duration / time * (b.error_of(taxel)[kForceError] - usual_[taxel]);
+    }
+  }
+  set_covariance(block);
+  agreed_ += block.duration;
+  recovering_ = std::max(0.0, recovering_ - block.duration);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = std::abs(s.force[taxel]) > kRunaway * array_.greatest_force;
+    restarts_ += chosen_[taxel] && !ignored()[taxel] ? 1 : 0;
+  }
+  restart(chosen_);
+  confirm_offsets(block.duration);
+  integration_->block().valid = is_valid();
+  prepare_compensation(block);
+  start_block();
+}
+
+void ForceEstimator::set_covariance(const Block& block) {
+  const Belief& b = *belief();
+  ForceIntegration::State& s = state();
+  std::vector<double>& shared_variance = values_;
+  filter_.covariance_root(block.response.data(), own_.data(), response_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* sensitivity = sensitivity_.data() + taxel * kSharedStates;
+    for (std::size_t state = 0; state < kSharedStates; ++state) {
+      const double response = is_of_touch(state) ? 0.0 : block.response[taxel * kSharedStates + state];
+      sensitivity[state] = response + b.slope_of(taxel, kForceError)[state];
+    }
+  }
+  filter_.shared_variance(sensitivity_.data(), shared_variance.data());
+  if (!listed_.any()) {
+    std::fill(absorbed_.begin(), absorbed_.end(), 0.0);
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double held = touched_[taxel] ? std::max(s.force[taxel], 0.0) : 0.0;
+    const double* own = b.own_of(taxel);
+    double& lost = s.lost[taxel];
+    lost = touched_[taxel] ? lost : 0.0;
+    double* factor = s.correlated_error.data() + taxel * kCauses;
+    std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
+    factor[kSharedStates] = array_.common_gain_deviation * held;
+    factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
+    factor[kSharedStates + 2] = lost;
+    // The covariance without the responses to the touch itself, and without what the taxel's own response to a
+    // temperature contributes, which grows during a touch only.
+    const double by_response = square(own[own_at(kForceError, kPyroelectric)]) /
+                               std::max(own[own_at(kPyroelectric, kPyroelectric)], kNegligibleResponse);
+    untouched_variance_[taxel] = own_[taxel] - by_response + shared_variance[taxel];
+    own_[taxel] -= std::min(own_[taxel], square(lost));  // in the covariance as each taxel's own
+    own_[taxel] += square(array_.gain_deviation[taxel] * held) +
+                   square(array_.leak_deviation[taxel] * touch_.leaked(taxel)) + warmth_variance(block, taxel);
+    own_[taxel] += square(absorbed_[taxel]);
+  }
+}
+
+/// Whether the forces are valid at the end of a block.
+bool ForceEstimator::is_valid() {
+  bool sound = true;
+  bool any_touched = false;
+  double missing = 0.0;
+  double touching = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (ignored()[taxel]) {
+      missing += unexplained_.rising()[taxel] && informative_[taxel] ? mean_[taxel] : 0.0;
+      continue;
+    }
+    sound = sound && offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel];
+    any_touched = any_touched || touched_[taxel];
+    touching += touched_[taxel] ? force()[taxel] : 0.0;
+  }
+  recent_force_[recent_] = std::abs(touching);
+  recent_ = (recent_ + 1) % recent_force_.size();
+  if (recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_ || missing > kLeastDeviation * array_.threshold) {
+    return false;
+  }
+  return !any_touched || is_certain();
+}
+
+/// Whether the total force of what touches is certain enough.
+bool ForceEstimator::is_certain() const {
+  if (std::abs(belief()->shared[kWarmth]) > kGreatestWarmth) {
+    return false;
+  }
+  double variance = 0.0;
+  std::array<double, kCauses> shared{};
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (touched_[taxel] && !ignored()[taxel]) {
+      variance += own_[taxel];
+      for (std::size_t cause = 0; cause < kCauses; ++cause) {
+        shared[cause] += state().correlated_error[taxel * kCauses + cause];
+      }
+    }
+  }
+  variance += dot(shared.data(), shared.data(), kCauses);
+  // A release makes the force small before it is found.
+  const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
+  return std::sqrt(variance) <= std::max(max_relative_uncertainty * greatest, kLeastDeviation * array_.threshold);
+}
+
+/// Mark offsets as known once the array has been still.
+void ForceEstimator::confirm_offsets(double duration) {
+  if (offset_known().all()) {
+    return;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    values_[taxel] = signal(taxel);
+    chosen_[taxel] = !offset_known()[taxel];
+  }
+  // What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
+  const bool at_rest = rest_.update(values_.data(), ignored().data(), duration, uniform_.observable() || warms());
+  if (rest_.moved()) {
+    restart(chosen_);
+  } else if (at_rest && agreed_ >= kSettleTime) {
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      const double certain = square(0.5 * array_.threshold * array_.time_constant[taxel]);
+      const bool known = belief()->own_of(taxel)[own_at(kOffset, kOffset)] <= certain && !ignored()[taxel];
+      state().offset_known[taxel] = state().offset_known[taxel] || known;
+    }
+  }
+}
+
+/// Choose the untouched taxels that show the film's temperature scan by scan during a touch. Their small forces stay as
+/// they are until the next block. The share of a uniform change that is the film's is the gain of the Kalman filter of
+/// a random walk, in its limits of much and of little noise.
+void ForceEstimator::prepare_compensation(const Block& block) {
+  Taxels untouched;
+  double noise = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (!touched_[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
+      values_[untouched.size()] = mean_[taxel];
+      untouched.push_back(static_cast<Taxel>(taxel));
+      noise += noise_variance_[taxel];
+    }
+  }
+  // Fewer than half of the taxels are all at the edge of what touches, and change with it.
+  const std::size_t enough = std::max(kFewestForUniform, taxels() / 2);
+  if (!touched_.any() || !uniform_.observable() || untouched.size() < enough) {
+    integration_->watch_none();
+    return;
+  }
+  const auto count = static_cast<double>(untouched.size());
+  const double deviation = std::sqrt(noise / count / count);
+  const double walk =
+      std::abs(mean_per_kelvin_) * std::sqrt(belief()->variance(kRate)) * block.duration / integration_->block().scans;
+  integration_->watch(untouched, values_.data(), walk / (walk + deviation));
+}
+
+}  // namespace posfet

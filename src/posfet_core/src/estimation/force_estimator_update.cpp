@@ -1,0 +1,385 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+// A step of the filter: what is known of the forces of a block, and what follows for the errors.
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/force_estimator.hpp"
+#include "posfet_core/numbers.hpp"
+#include "posfet_core/product.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Factor on the prior deviation of the residual charge after that prior was rejected [1].
+constexpr double kRejected = 3.0;
+
+/// Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then.
+constexpr double kLargestLagStep = 0.5;
+
+/// Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second.
+constexpr double kCorrelated = 50.0;
+
+/// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
+constexpr double kLeastTail = 1e-4;
+
+}  // namespace
+
+/// Process the stored blocks again without the taxels that a touch, it turned out, had begun on.
+void ForceEstimator::process_again(const TaxelFlags& touched) {
+  ++processed_again_;
+  *belief() = blocks_[0].before;
+  const std::size_t count = blocks_.size();  // the newest one may restart taxels, which forgets them
+  for (std::size_t index = 0; index < count; ++index) {
+    Block& block = blocks_[index];
+    block.before = *belief();
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      block.touched[taxel] = block.touched[taxel] || touched[taxel];
+    }
+    step(index);
+  }
+}
+
+/// Propagate the belief over a stored block, and update it by the temperature and by the forces that are known.
+void ForceEstimator::step(std::size_t index) {
+  const Block& block = blocks_[index];
+  predict(filter_, block);
+  bool zeros = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double& variance = belief()->own_of(taxel)[own_at(kOffset, kOffset)];
+    variance = std::max(variance, jumps_.least_offset_variance(taxel));
+    zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
+  }
+  measure_temperature(filter_, block, zeros);
+  measure_zeros(index);
+}
+
+/// Update a belief by a new reading of the temperature sensors, if there is one.
+///
+/// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
+/// the temperature of the film, or if no change of the rate explains it, it shows only that the sensors differ from
+/// their model, and is weighted down.
+void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
+  if (std::isnan(block.reading)) {
+    return;
+  }
+  double variance = block.reading_variance;
+  const auto is_surprising = [](const TemperatureInnovation& found) {
+    return square(found.innovation) > square(kSurprising) * found.variance;
+  };
+  TemperatureInnovation found = filter.temperature_innovation(block.reading, variance);
+  if (is_surprising(found) && !zeros) {
+    const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
+    filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
+    found = filter.temperature_innovation(block.reading, variance);
+  }
+  if (is_surprising(found)) {
+    variance += square(found.innovation / kSurprising);
+    found = filter.temperature_innovation(block.reading, variance);
+  }
+  // The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
+  variance += std::max(std::abs(found.innovation * found.column[kLag]) / kLargestLagStep - found.variance, 0.0);
+  filter.measure_temperature(block.reading, variance);
+}
+
+/// Propagate a belief over a block; finds the taxels beside a contact.
+void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
+  Belief& b = *filter.belief();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    small_[taxel] = !block.touched[taxel] && block.neighbour[taxel] > 0.0;
+    chosen_[taxel] = !small_[taxel];
+  }
+  b.forget_small_forces(chosen_.data());
+  own_noise_ = block.own_noise;
+  const double spread = tail_spread();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const std::size_t place = taxel * kOwnStates * kOwnStates + own_at(kSmallForce, kSmallForce);
+    if (small_[taxel] && b.own[place] == 0.0) {  // beside the contact since now
+      own_noise_[place] = square(spread * block.tail[taxel] + priors_.tail_least * block.neighbour[taxel]);
+    }
+  }
+  SharedTransition& shared = dynamics_.transition(b.shared, block.span);
+  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
+  shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
+  const double warming = shared.after[kFilm] - b.shared[kFilm];
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    values_[taxel] = array_.newton_per_kelvin[taxel] * warming;
+    leaked_share_[taxel] = block.span * (1.0 / array_.time_constant[taxel]);
+    driven_[taxel * kSharedStates + kDrift] = block.span;
+  }
+  b.respond(values_.data());
+  filter.predict({shared.after.data(), shared.matrix.data(), shared.noise.data(), leaked_share_.data(), driven_.data(),
+                  own_noise_.data()});
+}
+
+/// Update by the forces that are known to be zero or small.
+void ForceEstimator::measure_zeros(std::size_t index) {
+  const Block& block = blocks_[index];
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const bool usable = !ignored()[taxel];
+    judged_[taxel] = usable && !(block.listed[taxel] && offset_known()[taxel]);
+    zeros_[taxel] = usable && !(block.touched[taxel] && offset_known()[taxel]);
+  }
+  if (!judged_.any()) {
+    return;
+  }
+  expect_small_forces(block);
+  find_residuals();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    odd_[taxel] = std::abs(residual_[taxel]) > kGate * deviation_[taxel];
+  }
+  explain_by_temperature(index);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    zeros_[taxel] = zeros_[taxel] && !odd_[taxel];
+  }
+  filter_.update(zeros_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+  measure_faulty(block);
+  if (index + 1 < blocks_.size()) {
+    return;
+  }
+  TaxelFlags& watched = chosen_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    watched[taxel] = judged_[taxel] || is_zero_faulty(block, taxel);
+    zeros_[taxel] = watched[taxel] && !block.touched[taxel];
+    values_[taxel] = residual_[taxel] / deviation_[taxel];
+  }
+  unexplained_.add_persistent(zeros_.data(), values_.data(), odd_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    odd_[taxel] = odd_[taxel] && watched[taxel];
+  }
+  judge(block);
+}
+
+/// Whether a taxel is faulty, and in no contact.
+bool ForceEstimator::is_zero_faulty(const Block& block, std::size_t taxel) const {
+  return ignored()[taxel] && offset_known()[taxel] && !block.listed[taxel];
+}
+
+/// Update the faulty taxels by their forces, which say nothing of the others: a noisy taxel still counts in a contact,
+/// and so must be zero before it.
+void ForceEstimator::measure_faulty(const Block& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    zeros_[taxel] = is_zero_faulty(block, taxel) && !block.touched[taxel] && !odd_[taxel];
+  }
+  if (!zeros_.any()) {
+    return;
+  }
+  filter_.predicted(response_.data(), values_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    values_[taxel] = measured_[taxel] - values_[taxel] - belief()->error_of(taxel)[kSmallForce];
+  }
+  filter_.update_alone(zeros_.data(), values_.data(), sensitivity_.data(), noise_.data());
+}
+
+/// Find what the forces of the taxels would be but for errors, with their responses to the shared states and the
+/// variances of their noise.
+void ForceEstimator::expect_small_forces(const Block& block) {
+  const std::vector<double>& shared = belief()->shared;
+  measured_ = block.mean;
+  response_ = block.response;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    noise_[taxel] = block.noise[taxel] + kCorrelated * warmth_variance(block, taxel);
+    if (!small_[taxel]) {
+      continue;
+    }
+    // What the shared states predict of the small force stays subtracted, as it is from the force.
+    double* response = response_.data() + taxel * kSharedStates;
+    for (std::size_t state = 0; state < kSharedStates; ++state) {
+      if (is_of_touch(state)) {
+        measured_[taxel] -= response[state] * shared[state];
+        response[state] = 0.0;
+      }
+    }
+    response[kTail] = block.tail[taxel];
+    noise_[taxel] += kCorrelated * square(kLeastTail) + square(priors_.tail_change * block.neighbour[taxel]);
+  }
+}
+
+void ForceEstimator::find_residuals() {
+  filter_.innovation(measured_.data(), response_.data(), noise_.data(), residual_.data(), sensitivity_.data(),
+                     deviation_.data());
+}
+
+/// Admit a change of the film's temperature where it explains residuals of a stored block that are not expected.
+void ForceEstimator::explain_by_temperature(std::size_t index) {
+  const Block& block = blocks_[index];
+  const bool listed = block.listed.any();
+  bool any_odd = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    any_odd = any_odd || (odd_[taxel] && zeros_[taxel]);
+  }
+  if (!listed && !any_odd) {
+    return;
+  }
+  filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
+  const double kelvin = uniform_.temperature(residual_.data(), judged_.data(), deviation_.data(), own_deviation_.data(),
+                                             block.duration, listed);
+  if (kelvin == 0.0) {
+    return;
+  }
+  if (kelvin * mean_per_kelvin_ > 0.0 && !listed) {
+    open_hypothesis(index);
+  }
+  const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, block.duration);
+  filter_.admit(direction.data(), square(kelvin / direction[kFilm]));
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    noise_[taxel] += square(priors_.pyroelectric * kelvin * array_.newton_per_kelvin[taxel]);
+  }
+  find_residuals();
+  filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double left = residual_[taxel] - kelvin * array_.newton_per_kelvin[taxel];
+    odd_[taxel] = std::abs(left) > kGate * own_deviation_[taxel];
+  }
+}
+
+/// Open the hypothesis that a stored block shows a warmer film, and go on without it, too.
+void ForceEstimator::open_hypothesis(std::size_t index) {
+  if (unheated_) {
+    return;
+  }
+  uniform_.begin();
+  unheated_ = std::make_unique<ForceErrorFilter>(std::make_shared<Belief>(*belief()));
+  expected_film_ = belief()->shared[kFilm];
+  expected_rate_ = belief()->shared[kRate];
+  for (std::size_t later = index + 1; later < blocks_.size(); ++later) {
+    predict(*unheated_, blocks_[later]);
+  }
+}
+
+/// Keep the belief as it is: what the other one would say no longer matters.
+void ForceEstimator::drop_hypothesis() {
+  uniform_.close();
+  unheated_.reset();
+  doubt_ = 0.0;
+}
+
+/// Act on the residuals of the newest block that no state explains.
+void ForceEstimator::judge(const Block& block) {
+  const UniformChange::Evidence evidence = evidence_of(block);
+  std::size_t odd = 0;
+  std::size_t judged = 0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    odd += odd_[taxel] && judged_[taxel] ? 1 : 0;
+    judged += judged_[taxel] ? 1 : 0;
+  }
+  if (uniform_.is_refused(odd, judged, evidence, block.duration)) {
+    uniform_.refuse();
+    take_unheated(block);
+  }
+  if (!uniform_.open()) {
+    unheated_.reset();
+  }
+  doubt_ = unheated_ ? evidence.claimed - evidence.shown : 0.0;
+  restart_or_correct(block);
+}
+
+/// What the sensors say of the hypothesis at the end of a block.
+UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
+  UniformChange::Evidence evidence{kUnknown, kUnknown, kUnknown, negligible_, UniformChange::kConfirmation};
+  // The hypothesis itself makes the sensors' lag seem longer.
+  const Belief& shown = unheated_ ? *unheated_->belief() : *belief();
+  if (unheated_) {
+    expected_film_ += expected_rate_ * block.duration;
+    evidence.claimed = belief()->shared[kFilm] - expected_film_;
+    evidence.shown = shown.shared[kFilm] - expected_film_;
+    evidence.deviation = std::sqrt(std::max(shown.variance(kFilm), 0.0));
+  }
+  evidence.wait += 2.0 * SharedDynamics::sensor_lag(shown.shared);
+  evidence.wait += std::isnan(block.reading) ? UniformChange::kInterval : 0.0;
+  return evidence;
+}
+
+/// Take the belief without the hypothesis, which was wrong.
+void ForceEstimator::take_unheated(const Block& block) {
+  if (!unheated_) {
+    return;
+  }
+  *belief() = *unheated_->belief();
+  filter_.predicted(block.response.data(), residual_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    residual_[taxel] = block.mean[taxel] - residual_[taxel];
+    odd_[taxel] = judged_[taxel] && residual_[taxel] > 0.0;
+  }
+  blocks_.clear();
+}
+
+/// Restart the taxels with an unexplained residual whose offset is unknown, and widen the errors of the others where it
+/// is one of the baseline.
+void ForceEstimator::restart_or_correct(const Block& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = odd_[taxel] && !offset_known()[taxel];
+    odd_[taxel] = odd_[taxel] && offset_known()[taxel];
+    if (chosen_[taxel]) {
+      const double widened = kRejected * left_deviation_[taxel];
+      left_deviation_[taxel] = std::min(widened, kRunaway * array_.greatest_force);
+      ++restarts_;
+    }
+    values_[taxel] = std::sqrt(block.noise[taxel]);
+  }
+  restart(chosen_);
+  unexplained_.update(odd_.data(), residual_.data(), block.mean.data(), values_.data(), block.duration, chosen_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (chosen_[taxel]) {
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(residual_[taxel]);
+    }
+  }
+}
+
+/// Set the forces of released contacts to zero.
+void ForceEstimator::release(const Block& block, const std::vector<const Taxels*>& contacts) {
+  std::vector<double>& variance = values_;
+  const std::vector<double>& shared = state().correlated_error;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double* factor = shared.data() + taxel * kCauses;
+    variance[taxel] = own_[taxel] + (contacts.empty() ? 0.0 : dot(factor, factor, kCauses));
+  }
+  const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
+  if (!release_.update(contacts, mean_.data(), touched_.data(), variance.data(), noise, chosen_.data())) {
+    return;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (chosen_[taxel]) {
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
+    }
+    noise_[taxel] = block.noise[taxel] + kCorrelated * (warmth_variance(block, taxel) + square(kLeastTail));
+  }
+  filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
+                     deviation_.data());
+  filter_.update(chosen_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+}
+
+/// End the touches since before an interruption: where forces stay below zero, they are zero.
+void ForceEstimator::end_unknown_touch(const Block& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double limit = kGate * std::sqrt(2.0) * std::sqrt(block.noise[taxel]);
+    chosen_[taxel] = std::abs(mean_[taxel] - last_mean_[taxel]) <= limit;
+  }
+  TaxelFlags ended(taxels());
+  negative_.update(lower_bound_.mask().data(), mean_.data(), array_.threshold, chosen_.data(), block.duration,
+                   ended.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    values_[taxel] = ended[taxel] ? mean_[taxel] : std::max(mean_[taxel], 0.0);
+  }
+  lower_bound_.update(values_.data(), block.duration);
+  last_mean_ = mean_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (ended[taxel]) {
+      belief()->error_of(taxel)[kForceError] += mean_[taxel];
+      belief()->forget(taxel, kForceError);
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] = block.noise[taxel];
+    }
+  }
+}
+
+}  // namespace posfet
