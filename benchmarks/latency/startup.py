@@ -33,9 +33,8 @@ def first_message(source: str) -> float:
             listener.wait_for("ready")
             time.sleep(LISTENING)
             begin = time.monotonic()
-            code = (
-                f"import sys; from posfet.bringup import main; sys.exit(main(['source:={source}', 'log_level:=warn']))"
-            )
+            words = ["bringup", f"source:={source}", "log_level:=warn"]
+            code = f"import sys; from posfet.cli import main; sys.exit(main({words}))"
             stack = Process(["-c", code])
             try:
                 listener.wait_for("first")
@@ -70,7 +69,7 @@ def measure(full: bool) -> Outcome:
         (f"bringup, source:={source}", statistics.median(seconds), min(seconds)) for source, seconds in starts.items()
     ]
     rows.append((f"python3 -c 'import {LEAST}'", statistics.median(least), min(least)))
-    for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_node, posfet_sim.ros.sim_board_node"):
+    for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_graph, posfet_sim.ros.sim_board_node"):
         seconds = [imports(module) for _ in range(runs)]
         rows.append((f"python3 -c 'import {module}'", statistics.median(seconds), min(seconds)))
     return Outcome(values, [Table("Start-up time", ("case", "median s", "minimum s"), rows)])

@@ -61,6 +61,7 @@ def nodes(request: pytest.FixtureRequest) -> Iterator[list[Node]]:
 
 def make_view() -> list[Node]:
     client = StackClient("tactile")
+    client.follow()
     return [client, ViewNode(client)]
 
 

@@ -74,6 +74,7 @@ class Stack:
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.node.create_service(Tare, "tare", self.tare)
         self.client = StackClient("tactile")
+        self.client.follow()
         self.view = ViewNode(self.client)
         self.executor = SingleThreadedExecutor()
         for node in (self.node, self.client):

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import subprocess
@@ -16,7 +17,7 @@ import sys
 
 import pytest
 
-from posfet_model.ros.start import BLAS_THREADS, limit_blas_threads
+from posfet_model.ros.start import BLAS_THREADS, limit_blas_threads, loading
 
 
 def python(code: str, **variables: str) -> str:
@@ -73,7 +74,33 @@ def test_a_command_runs_with_one_thread() -> None:
 @pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
 def test_bring_up_without_terminal_and_page_needs_neither_their_packages_nor_those_of_a_bus() -> None:
     loaded = python(
-        "import sys, posfet.bringup, posfet.composed_node, posfet_model.ros.model_node, posfet_sim.ros.sim_board_node\n"
+        "import sys, posfet.bringup, posfet.composed_node, posfet.composed_graph, posfet.display_loop\n"
+        "import posfet_model.ros.model_node, posfet_sim.ros.sim_board_node\n"
         "print(*sorted({'can', 'cantools', 'http.server', 'rich', 'scipy'} & set(sys.modules)))"
     )
     assert loaded == "\n"
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
+def test_the_first_node_needs_neither_model_nor_simulation() -> None:
+    """Others discover its participant while these are loaded."""
+    loaded = python(
+        "import sys, posfet.composed_node\n"
+        "print(*sorted({'posfet_model.ros.model_node', 'posfet_sim.ros.sim_board_node'} & set(sys.modules)))"
+    )
+    assert loaded == "\n"
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_modules_are_loaded_without_the_garbage_collector(enabled: bool) -> None:
+    before = gc.isenabled()
+    (gc.enable if enabled else gc.disable)()
+    try:
+        with pytest.raises(ModuleNotFoundError), loading():
+            assert not gc.isenabled()
+            importlib.import_module("no_such_module")
+        assert gc.isenabled() == enabled
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
+        (gc.enable if before else gc.disable)()

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.latency.processes.recording import TimeLog
-from posfet.composed_node import Graph
+from posfet.composed_graph import Graph
 from posfet.graph import NodeSpec
 from posfet_model.ros.run_node import ros, spin
 

@@ -30,7 +30,7 @@ from posfet_model.ros.on_demand import load_on_demand
 if TYPE_CHECKING:
     from rclpy.context import Context
 
-    from posfet.composed_node import Graph
+    from posfet.composed_graph import Graph
 
 RUNNERS: Final = {"true": "posfet.composed_node", "false": "posfet.separate_node"}
 """Module that runs the graph, by the argument `composed`; imported late, so that bad arguments are reported at once."""
@@ -69,7 +69,7 @@ def nodes(
     ConfigError
         One line, if an argument, parameter or file cannot be used, or the source cannot be opened.
     """
-    from posfet.composed_node import Graph  # noqa: PLC0415  # bad arguments of the command are reported without it
+    from posfet.composed_graph import Graph  # noqa: PLC0415  # bad arguments of the command are reported without it
 
     _, ros = split(["--ros-args", *ros_arguments])
     given = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in arguments.items()}

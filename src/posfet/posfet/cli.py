@@ -18,7 +18,7 @@ from typing import Final
 import posfet_model
 from posfet_model.command_line import ignoring_broken_pipe
 from posfet_model.config import did_you_mean
-from posfet_model.ros.start import interrupt_on_signal, limit_blas_threads
+from posfet_model.ros.start import interrupt_on_signal, limit_blas_threads, loading
 
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: real or simulated board, driver, model"),
@@ -90,7 +90,8 @@ def main(words: Sequence[str] | None = None) -> int:
     module, _, function = COMMANDS[words[0]][0].partition(":")
     limit_blas_threads()
     try:
-        run = getattr(import_module(module), function or "main")
+        with loading():
+            run = getattr(import_module(module), function or "main")
         if words[0] not in NODES:
             interrupt_on_signal()
         return ignoring_broken_pipe(lambda: int(run(words[1:])))

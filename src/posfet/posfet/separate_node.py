@@ -40,6 +40,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
     with ros(specs[0].ros_words) as stack:
         client = StackClient(specs[0].namespace, specs[0].ros_words)
         stack.callback(client.destroy_node)
+        client.follow()
         view = ViewNode(client, specs[0].ros_words)
         stack.callback(view.destroy_node)
         link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)

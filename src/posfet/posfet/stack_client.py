@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -34,6 +35,8 @@ DEPTH: Final = 10
 class StackClient(Node):  # type: ignore[misc]  # rclpy has no types
     """Node that follows `info` and `/diagnostics` of one stack and calls its services; costs a few messages a second.
 
+    It does so once `follow` has been called: the node of a stack that starts is seen before the rest is there.
+
     Parameters
     ----------
     namespace : str
@@ -51,6 +54,10 @@ class StackClient(Node):  # type: ignore[misc]  # rclpy has no types
         """Description of the array; None before the first scan."""
         self.diagnoses: dict[str, Diagnosis] = {}
         """Newest status of each node, by name; replaced, never changed."""
+        self._callers: dict[str, Client] = {}
+
+    def follow(self) -> None:
+        """Subscribe to the topics, and look for the services."""
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TactileInfo, "info", self._take_info, latched)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, DEPTH)
@@ -95,10 +102,11 @@ class StackClient(Node):  # type: ignore[misc]  # rclpy has no types
             Takes the answer.
         """
         kind, name = SERVICES[action]
-        if not self._callers[action].service_is_ready():
+        caller = self._callers.get(action)
+        if caller is None or not caller.service_is_ready():
             done(False, f"{action}: nobody serves it; is the stack still running?")
             return
-        future = self._callers[action].call_async(kind.Request(**{name: argument}))
+        future = caller.call_async(kind.Request(**{name: argument}))
 
         def answer(finished: Any) -> None:
             response = finished.result()

@@ -220,6 +220,7 @@ def main(words: Sequence[str] | None = None) -> int:
             for namespace in namespaces:
                 client = StackClient(namespace, ros_arguments.words)
                 stack.callback(client.destroy_node)
+                client.follow()
                 view = ViewNode(client, ros_arguments.words)
                 stack.callback(view.destroy_node)
                 views.append(view)

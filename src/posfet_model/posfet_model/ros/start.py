@@ -9,9 +9,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Final
 
@@ -46,6 +49,19 @@ def limit_blas_threads() -> None:
         os.environ[BLAS_THREADS[0]] = "1"
 
 
+@contextmanager
+def loading() -> Iterator[None]:
+    """Load modules in this block without the garbage collector: it would search again and again what stays anyway."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        if enabled:
+            gc.enable()
+
+
 def exit_with_parent() -> None:
     """Have the kernel send SIGINT when the process named by PARENT has ended, even if it was killed; Linux only.
 
@@ -68,7 +84,9 @@ def run(module: str) -> None:
     exit_with_parent()
     limit_blas_threads()
     load_on_demand()
-    import_module(module).main()
+    with loading():
+        main = import_module(module).main
+    main()
 
 
 def model_node() -> None:
