@@ -22,12 +22,13 @@ BLOCK = 0.02
 TAU = np.array([0.27, 0.27, 0.5])
 NOISE = np.full(3, 1e-4**2)
 ALL = np.ones(3, np.bool_)
+NONE = np.zeros(3)
 LEAK = 1.0 + (0.5 * DWELL / TAU) ** 2
 
 
 def rest(each: JumpNoise, seconds: float, change: Array | None = None, where: NDArray[np.bool_] = ALL) -> JumpNoise:
     for _ in range(round(seconds / BLOCK)):
-        each.observe(where, np.zeros(3) if change is None else change, NOISE, BLOCK)
+        each.observe(where, NONE, np.zeros(3) if change is None else change, NOISE, BLOCK)
     return each
 
 
@@ -61,7 +62,7 @@ def test_the_random_walk_covers_that_of_a_signal_with_two_levels() -> None:
     each = JumpNoise(np.full(1, tau))
     fall = -math.sqrt(squares / seconds * BLOCK)  # one that is seen twice in every block has this mean square
     for _ in range(round(10.0 * JUMP_MEMORY / BLOCK)):
-        each.observe([True], [fall], [0.0], BLOCK)
+        each.observe([True], [0.0], [fall], [0.0], BLOCK)
     # The steps themselves are in the variance as if they did not return. 400 values: a standard error of 7 %.
     ratio = float(np.asarray(each.variance(seconds))[0] / np.var(leaked + level))
     assert 0.9 < ratio < 1.2 * LEAK[0] / (LEAK[0] - 1.0)
@@ -70,25 +71,33 @@ def test_the_random_walk_covers_that_of_a_signal_with_two_levels() -> None:
 def test_noise_is_no_step() -> None:
     each, random = JumpNoise(TAU), np.random.default_rng(3)
     for _ in range(3000):
-        each.observe(ALL, random.normal(0.0, np.sqrt(2.0 * NOISE)), NOISE, BLOCK)
+        each.observe(ALL, NONE, random.normal(0.0, np.sqrt(2.0 * NOISE)), NOISE, BLOCK)
     assert not each.variance(1.0).any() and not each.least_offset_variance().any()
 
 
 def test_a_rise_may_be_a_touch() -> None:
     each = rest(JumpNoise(TAU), 5.0)
-    each.observe(ALL, np.full(3, 1e-3), NOISE, BLOCK)
+    each.observe(ALL, NONE, np.full(3, 1e-3), NOISE, BLOCK)
     assert not each.variance(1.0).any()
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_step_that_is_certain_counts_as_one_in_each_dwell(sign: float) -> None:
+    each = rest(JumpNoise(TAU), 20.0)
+    each.observe(ALL, np.array([sign * 1e-3, 0.0, 0.0]), NONE, NOISE, BLOCK)
+    assert np.asarray(each.variance(2.0)) == pytest.approx([2.0 / DWELL * 1e-6 * LEAK[0], 0.0, 0.0])
+    assert np.asarray(each.least_offset_variance())[0] == pytest.approx(0.5e-3**2)
 
 
 def test_taxels_that_do_not_count_keep_what_was_observed() -> None:
     each, some = rest(JumpNoise(TAU), 5.0), np.array([False, True, True])
-    each.observe(some, np.full(3, -1e-3), NOISE, BLOCK)
+    each.observe(some, NONE, np.full(3, -1e-3), NOISE, BLOCK)
     assert (np.asarray(each.variance(1.0)) > 0.0).tolist() == some.tolist()
 
 
 def test_a_taxel_that_no_longer_steps_is_trusted_again() -> None:
     each = rest(JumpNoise(TAU), 5.0)
-    each.observe(ALL, np.full(3, -1e-3), NOISE, BLOCK)
+    each.observe(ALL, NONE, np.full(3, -1e-3), NOISE, BLOCK)
     before = np.asarray(each.variance(1.0)).copy()
     after = np.asarray(rest(each, 3.0 * JUMP_MEMORY).variance(1.0))
     assert (after < 0.1 * before).all()

@@ -41,6 +41,7 @@ from reference.estimation.known_forces import (
     UniformChange,
 )
 from reference.estimation.rest_detector import RestDetector
+from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, steady_force
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
@@ -474,20 +475,18 @@ class ForceEstimator:
     def _observe_rest(self, listed: bool) -> None:
         """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
         self._rested = 0.0 if listed else self._rested + self._elapsed
-        if len(self._blocks) < LAG or self._rested < LAG * BLOCK + QUIET:
+        at_rest = len(self._blocks) == LAG and self._rested >= LAG * BLOCK + QUIET
+        self._observe_steps(at_rest)
+        if not at_rest:
             self._walk.pause()
             return
         usable = ~self.ignored
         if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
             return
-        before, after, later = self._blocks[0], self._blocks[1], self._blocks[2]
-        drift = self._offset() * self._per_second
-        change = after.mean - before.mean - after.span * drift
+        before, after = self._blocks[0], self._blocks[1]
+        change = after.mean - before.mean - after.span * self._offset() * self._per_second
         # What all have in common is the film's temperature.
         kelvin = upper_median((change / self._per_kelvin)[usable])
-        change += later.mean - after.mean - later.span * drift
-        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
-        self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
         known = self._walk.intensity
@@ -496,6 +495,25 @@ class ForceEstimator:
             # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
             self._filter.admit(DRIFTING, self._mean_per_kelvin**2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
+
+    def _observe_steps(self, at_rest: bool) -> None:
+        """Observe the steps of single signals in the middle of the stored blocks.
+
+        At rest also those that are no rises of the force, whatever they are.
+        """
+        if len(self._blocks) < LAG:
+            return
+        usable, blocks = ~self.ignored, tuple(self._blocks)[: 2 * HALF + 1]
+        before, after, later = blocks[HALF - 1 : HALF + 2]
+        force, step = np.array([block.mean for block in blocks])[:, usable], np.zeros(len(usable))
+        time = np.cumsum([block.span for block in blocks])
+        step[usable] = signal_steps(time, force, after.noise[usable], self._tau[usable])
+        change = self._nothing
+        if at_rest and np.count_nonzero(usable) >= UniformChange.FEWEST and self._uniform.observable:
+            drift = self._offset() * self._per_second
+            change = later.mean - before.mean - (after.span + later.span) * drift
+            change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
+        self._jumps.observe(usable, step, change, after.noise, after.span)
 
     def _observe_steady_force(self) -> None:
         """Update the shared states by a force that has been steady in all stored blocks."""

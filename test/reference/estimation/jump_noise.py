@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Noise that single taxels have beyond their description: steps of the signal while nothing touches."""
+"""Noise that single taxels have beyond their description: steps of the signal."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LEAST_MEMORY: Final = 2.0
 
 
 class JumpNoise:
-    """Random walk of each force error due to steps of its signal, observed while nothing touches.
+    """Random walk of each force error due to steps of its signal.
 
     A signal that switches between two levels (random telegraph noise) has an offset that lasts for a while, in which
     the integration adds up its charge. Over longer times that is a random walk of the force error, of the variance
@@ -56,15 +56,17 @@ class JumpNoise:
         self._squares, self._time = np.zeros((2, len(time_constant)))
         self._any = False
 
-    def observe(self, where: Mask, change: Array, noise: Array, duration: float) -> None:
-        """Process the change of the mean force from one block to the one after the next, while nothing touches.
+    def observe(self, where: Mask, step: Array, change: Array, noise: Array, duration: float) -> None:
+        """Process the steps of the signals and, while nothing touches, the changes of the mean forces.
 
-        A step within the block in between is seen whole.
+        From one block to the one after the next: a step within the block in between is seen whole.
 
         Parameters
         ----------
         where : ndarray of bool, shape [taxels]
             Taxels whose signals count.
+        step : ndarray of float64, shape [taxels]
+            Steps whose kind is certain [N] (`signal_steps`); 0: none.
         change : ndarray of float64, shape [taxels]
             Changes [N].
         noise : ndarray of float64, shape [taxels]
@@ -76,12 +78,15 @@ class JumpNoise:
         square = change * change
         # A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
         # twice.
-        step = where & (change < 0.0) & (square > 2.0 * STEP * STEP * noise)
-        if not (self._any or step.any()):
+        falls = where & (change < 0.0) & (square > 2.0 * STEP * STEP * noise)
+        if not (self._any or falls.any() or step.any()):
             return
         self._any = True
-        rate = np.where(step, 2.0 / SEEN * square / duration, 0.0) - self._squares
+        seen = np.where(step != 0.0, step * step, np.where(falls, 2.0 * square, 0.0))
+        rate = seen / SEEN / duration - self._squares
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
+        # One that steps does so again, however long it was quiet before.
+        np.maximum(self._squares, step * step / DWELL, out=self._squares)
 
     def variance(self, duration: float) -> Array | float:
         """Return the variance [N2] by which each force error grows in a time [s], shape [taxels]; 0.0: none."""

@@ -151,7 +151,9 @@ void ForceEstimator::measure_process_noise(Block& block) {
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.
 void ForceEstimator::observe_rest(bool listed) {
   rested_ = listed ? 0.0 : rested_ + block_time();
-  if (!blocks_.full() || rested_ < LastBlocks::kLag * block_duration_ + kQuiet) {
+  const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * block_duration_ + kQuiet;
+  observe_steps(at_rest);
+  if (!at_rest) {
     walk_.pause();
     return;
   }
@@ -161,19 +163,13 @@ void ForceEstimator::observe_rest(bool listed) {
   }
   const Block& before = blocks_[0];
   const Block& after = blocks_[1];
-  const Block& later = blocks_[2];
   std::vector<double>& change = values_;
   std::fill(change.begin(), change.end(), 0.0);
   const double kelvin = add_change(before, after, change);
-  const double both = add_change(after, later, change);
   double noise = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double response = array_.newton_per_kelvin[taxel];
-    change[taxel] -= response * both;
-    chosen_[taxel] = !ignored()[taxel];
-    noise += chosen_[taxel] ? after.noise[taxel] / square(response) : 0.0;
+    noise += ignored()[taxel] ? 0.0 : after.noise[taxel] / square(array_.newton_per_kelvin[taxel]);
   }
-  jumps_.observe(chosen_.data(), change.data(), after.noise.data(), after.span);
   const double known = walk_.intensity();
   walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
   if (const double grown = walk_.intensity() - known; grown > 0.0) {
@@ -183,6 +179,37 @@ void ForceEstimator::observe_rest(bool listed) {
     filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / integration_->block().age);
   }
   dynamics_.set_film_walk(walk_.intensity());
+}
+
+/// Observe the steps of single signals in the middle of the stored blocks; at rest also those that are no rises of the
+/// force, whatever they are.
+void ForceEstimator::observe_steps(bool at_rest) {
+  if (!blocks_.full()) {
+    return;
+  }
+  const Block& after = blocks_[kStepHalf];
+  std::vector<double>& change = values_;
+  std::vector<double>& step = deviation_;
+  StepWindow window{{}, {}, after.noise.data(), chosen_.data()};
+  double time = 0.0;
+  for (std::size_t index = 0; index < kStepWindow; ++index) {
+    time += blocks_[index].span;
+    window.time.push_back(time);
+    window.force.push_back(blocks_[index].mean.data());
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = !ignored()[taxel];
+    change[taxel] = 0.0;
+  }
+  find_signal_steps(window, array_.time_constant, step.data());
+  if (at_rest && usable() >= kFewestForUniform && uniform_.observable()) {
+    add_change(blocks_[kStepHalf - 1], after, change);
+    const double both = add_change(after, blocks_[kStepHalf + 1], change);
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      change[taxel] -= array_.newton_per_kelvin[taxel] * both;
+    }
+  }
+  jumps_.observe(chosen_.data(), step.data(), change.data(), after.noise.data(), after.span);
 }
 
 /// Add to changes of the mean forces [N] those from one block to the next, without what the offsets cause. Returns what

@@ -10,24 +10,31 @@
 #include <algorithm>
 #include <utility>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 JumpNoise::JumpNoise(std::vector<double> time_constant)
     : tau_(std::move(time_constant)), squares_(tau_.size(), 0.0), time_(tau_.size(), 0.0) {}
 
-void JumpNoise::observe(const bool* where, const double* change, const double* noise, double duration) {
+void JumpNoise::observe(const bool* where, const double* step, const double* change, const double* noise,
+                        double duration) {
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
     if (!where[taxel]) {
       continue;
     }
     time_[taxel] += duration;
-    const double square = change[taxel] * change[taxel];
+    double seen = square(step[taxel]);
     // A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
     // twice.
-    const bool step = change[taxel] < 0.0 && square > 2.0 * kStep * kStep * noise[taxel];
-    const double rate = step ? 2.0 / kStepSeen * square / duration : 0.0;
+    if (seen == 0.0 && change[taxel] < 0.0 && square(change[taxel]) > 2.0 * kStep * kStep * noise[taxel]) {
+      seen = 2.0 * square(change[taxel]);
+    }
+    const double rate = seen / kStepSeen / duration;
     const double share = duration / std::min(std::max(time_[taxel], kLeastJumpMemory), kJumpMemory);
     squares_[taxel] += share * (rate - squares_[taxel]);
+    // One that steps does so again, however long it was quiet before.
+    squares_[taxel] = std::max(squares_[taxel], square(step[taxel]) / kDwell);
   }
 }
 

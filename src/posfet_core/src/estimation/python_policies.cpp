@@ -24,6 +24,7 @@
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
@@ -181,12 +182,13 @@ void bind_noise(const py::module_& module) {
            py::arg("time_constant"))
       .def(
           "observe",
-          [](JumpNoise& jumps, const Tested& where, const Values& change, const Values& noise, double duration) {
-            require_all(jumps.taxels(), {where, change, noise});
-            jumps.observe(where.data(), change.data(), noise.data(), duration);
+          [](JumpNoise& jumps, const Tested& where, const Values& step, const Values& change, const Values& noise,
+             double duration) {
+            require_all(jumps.taxels(), {where, step, change, noise});
+            jumps.observe(where.data(), step.data(), change.data(), noise.data(), duration);
           },
-          py::arg("where"), py::arg("change"), py::arg("noise"), py::arg("duration"),
-          "Process the changes of the mean forces while nothing touches.")
+          py::arg("where"), py::arg("step"), py::arg("change"), py::arg("noise"), py::arg("duration"),
+          "Process the steps of the signals, and the changes of the mean forces while nothing touches.")
       .def(
           "variance",
           [](const JumpNoise& jumps, double duration) {
@@ -439,6 +441,31 @@ void bind_steady_force(py::module_& module) {
   module.attr("STEADINESS") = kSteadiness;
 }
 
+void bind_signal_steps(py::module_& module) {
+  module.def(
+      "signal_steps",
+      [](const Values& time, const Values& force, const Values& noise, const Values& time_constant) {
+        const py::ssize_t taxels = time_constant.size();
+        const auto blocks = static_cast<py::ssize_t>(kStepWindow);
+        if (time.size() != blocks || force.ndim() != 2 || force.shape(0) != blocks || force.shape(1) != taxels) {
+          throw std::invalid_argument("time and force must have a row for each block of the window");
+        }
+        require_all(static_cast<std::size_t>(taxels), {noise});
+        StepWindow window{vector_of(time), {}, noise.data(), nullptr};
+        for (py::ssize_t block = 0; block < blocks; ++block) {
+          window.force.push_back(force.data(block, 0));
+        }
+        const TaxelFlags all(static_cast<std::size_t>(taxels), true);
+        window.where = all.data();
+        std::vector<double> step(static_cast<std::size_t>(taxels));
+        find_signal_steps(window, vector_of(time_constant), step.data());
+        return array_of(step);
+      },
+      py::arg("time"), py::arg("force"), py::arg("noise"), py::arg("time_constant"),
+      "Return the steps of single signals in the middle of a window [N]; 0: none.");
+  module.attr("STEP_HALF") = kStepHalf;
+}
+
 }  // namespace
 
 void bind_estimation_parts(py::module_& module) {
@@ -451,6 +478,7 @@ void bind_estimation_parts(py::module_& module) {
   bind_release(module);
   bind_uniform(module);
   bind_steady_force(module);
+  bind_signal_steps(module);
 }
 
 }  // namespace posfet

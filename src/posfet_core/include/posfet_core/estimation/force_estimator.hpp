@@ -30,6 +30,7 @@
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
@@ -171,6 +172,7 @@ private:
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
   void observe_rest(bool listed);
+  void observe_steps(bool at_rest);
   double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
   void observe_steady_force();
   Taxels held_taxels() const;

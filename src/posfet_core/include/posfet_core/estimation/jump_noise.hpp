@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// Noise that single taxels have beyond their description: steps of the signal while nothing touches.
+/// Noise that single taxels have beyond their description: steps of the signal.
 #pragma once
 
 #include <cstddef>
@@ -31,7 +31,7 @@ constexpr double kJumpMemory = 30.0;
 /// The least one after the start [s]: a single step in it counts for no more.
 constexpr double kLeastJumpMemory = 2.0;
 
-/// Random walk of each force error due to steps of its signal, observed while nothing touches.
+/// Random walk of each force error due to steps of its signal.
 ///
 /// A signal that switches between two levels (random telegraph noise) has an offset that lasts for a while, in which
 /// the integration adds up its charge. Over longer times that is a random walk of the force error, of the variance J*(1
@@ -45,10 +45,11 @@ public:
 
   std::size_t taxels() const { return tau_.size(); }
 
-  /// Process the changes of the mean forces [N] from one block to the one after the next, while nothing touches, of the
-  /// taxels whose signals count; with the variances of a mean [N2] and the time between two blocks that follow each
-  /// other [s]. A step within the block in between is seen whole.
-  void observe(const bool* where, const double* change, const double* noise, double duration);
+  /// Process the steps of the signals whose kind is certain [N] (`find_signal_steps`), of the taxels that count; and
+  /// where there is none, while nothing touches, the changes of the mean forces from one block to the one after the
+  /// next [N], with the variances of a mean [N2] and the time between two blocks that follow each other [s]. A step
+  /// within the block in between is seen whole.
+  void observe(const bool* where, const double* step, const double* change, const double* noise, double duration);
 
   /// Variance by which a force error grows in a time [s] [N2].
   double variance(std::size_t taxel, double duration) const;
