@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 import socket
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -188,4 +189,25 @@ def test_nothing_is_published_without_a_publisher() -> None:
         streamed.play(frames)
     assert len(streamed.publisher.messages) == before
     assert streamed.model.counts.accepted == 110
+    streamed.close()
+
+
+def test_an_error_of_the_reconstruction_ends_the_call_and_neither_lock_nor_loop() -> None:
+    sensor = load_sensor()
+    streamed = Streamed(sensor)
+    sent = played(sensor, breaks=False)
+    for frames in sent[:100]:
+        streamed.play(frames)
+    estimator: Any = streamed.model
+    estimator._estimator.belief.slope[...] = np.nan
+    with pytest.raises(ValueError, match="covariance must be positive"):  # at the end of a block
+        for frames in sent[100:150]:
+            streamed.play(frames)
+    streamed.sink.close()  # takes the lock
+    streamed.model = Reconstructor(sensor)
+    streamed.sink = streamed.model.make_sink(streamed.writer, Mutex())
+    streamed.sink.publish_with(*streamed.publisher.addresses, 1)
+    for frames in sent[150:200]:
+        streamed.play(frames)
+    assert streamed.model.counts.accepted == 50
     streamed.close()

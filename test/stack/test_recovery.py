@@ -37,6 +37,22 @@ def fail(node, scan):
 ModelNode.process = fail
 sys.exit(bringup.main(sys.argv[1:]))
 """
+BROKEN_ESTIMATOR = """
+import sys
+from posfet import bringup
+from posfet_model.ros.model_node import ModelNode
+
+stream = ModelNode.stream
+
+def spoilt(node, source, timeout):
+    if node._reconstructor is not None:
+        node._reconstructor._estimator.belief.slope[...] = float("nan")
+    return stream(node, source, timeout)
+
+ModelNode.stream = spoilt
+sys.exit(bringup.main(sys.argv[1:]))
+"""
+"""Fails at the end of a block, in the thread that needs no interpreter."""
 BROKEN_BOARD = """
 from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.ros import sim_board_node
@@ -60,6 +76,13 @@ def test_a_stack_whose_model_fails_ends_with_its_exit_code(source: str) -> None:
     assert result.returncode == PROCESS_FAILED
     assert "data thread: restarted" in result.stderr
     assert result.stderr.splitlines()[-1].endswith(f"ending with exit code {PROCESS_FAILED}")
+
+
+def test_a_stack_whose_compiled_estimator_fails_ends_with_its_exit_code() -> None:
+    result = run(BROKEN_ESTIMATOR, "source:=emulator", "namespace:=spoilt")
+    assert result.returncode == PROCESS_FAILED
+    assert "a covariance must be positive" in result.stderr
+    assert "data thread: restarted" in result.stderr
 
 
 def test_a_simulated_board_whose_thread_fails_ends_with_its_exit_code(tmp_path: Path) -> None:
