@@ -69,7 +69,7 @@ std::size_t allocations_of_touches(Board& board, bool blocks, std::size_t& most)
   const std::vector<double> variance(board.counts.size(), kNoise * kNoise);
   std::size_t begin = 0;
   for (std::size_t index = 0; index < 8 * round; ++index) {
-    if (index == 4 * round) {
+    if (index == 6 * round) {
       begin = allocations;
     }
     board.next(1000);
@@ -268,6 +268,7 @@ void test_steady_state() {
     const std::size_t of_blocks = allocations_of_touches(closed, true, most);
     std::cout << "fuzz_scan_path: " << rows << " x " << cols << ", with the ends of blocks: " << of_blocks
               << " allocations, up to " << most << " contacts\n";
+    require(of_blocks == 0, "the end of a block allocates in steady state");
     require(most > 1, "there were not two contacts");
   }
 }

@@ -73,7 +73,7 @@ private:
   std::vector<double> mean_;
   std::vector<double> variance_;
   std::vector<double> charge_;
-  std::vector<const Taxels*> contacts_;
+  Vector<const Taxels*> contacts_;
 };
 
 }  // namespace posfet

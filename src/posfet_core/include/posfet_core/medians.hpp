@@ -11,12 +11,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 namespace posfet {
 
 /// Put the value of a rank at its place: none before it is greater, none behind it is less.
-inline double place_rank(std::vector<double>& values, std::size_t rank) {
+template <typename Numbers>
+double place_rank(Numbers& values, std::size_t rank) {
   const auto place = values.begin() + static_cast<std::ptrdiff_t>(rank);
   std::nth_element(values.begin(), place, values.end(),
                    [](double one, double other) { return one < other || (std::isnan(other) && !std::isnan(one)); });
@@ -24,7 +24,8 @@ inline double place_rank(std::vector<double>& values, std::size_t rank) {
 }
 
 /// Median of at least one value.
-inline double median(std::vector<double>& values) {
+template <typename Numbers>
+double median(Numbers& values) {
   const std::size_t half = values.size() / 2;
   const double upper = place_rank(values, half);
   if (values.size() % 2 == 1) {
@@ -34,7 +35,8 @@ inline double median(std::vector<double>& values) {
 }
 
 /// Upper median of values; 0 of none.
-inline double upper_median(std::vector<double>& values) {
+template <typename Numbers>
+double upper_median(Numbers& values) {
   return values.empty() ? 0.0 : place_rank(values, values.size() / 2);
 }
 

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <vector>
 
 namespace posfet {
 
@@ -21,7 +20,10 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 inline double square(double value) { return value * value; }
 
-inline double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+template <typename Values>
+double sum(const Values& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
 
 /// The greater number; NaN if one is NaN.
 inline double maximum(double one, double other) { return one >= other || std::isnan(one) ? one : other; }

@@ -161,7 +161,7 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
 void ForceErrorFilter::shared_variance(const double* sensitivity, double* variance) const {
   const Belief& b = *belief_;
   const std::size_t states = b.states();
-  std::vector<double> row(states);
+  Vector<double> row(states);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     multiply(sensitivity + taxel * states, b.covariance().data(), row.data(), 1, states, states);
     variance[taxel] = dot(row.data(), sensitivity + taxel * states, states);
@@ -294,7 +294,7 @@ TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, d
   const Belief& b = *belief_;
   const double scale = 1.0 + b.shared[kScale];
   const double sensors = b.shared[kSensor];
-  TemperatureInnovation found{reading - scale * sensors, std::vector<double>(b.states()), variance};
+  TemperatureInnovation found{reading - scale * sensors, Vector<double>(b.states()), variance};
   for (std::size_t state = 0; state < b.states(); ++state) {
     const double* row = b.covariance().data() + state * b.states();
     found.column[state] = scale * row[kSensor] + sensors * row[kScale];
@@ -305,7 +305,7 @@ TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, d
 
 void ForceErrorFilter::measure_temperature(double reading, double variance) {
   const double innovation = temperature_innovation(reading, variance).innovation;
-  std::vector<double> sensitivity(belief_->states(), 0.0);
+  Vector<double> sensitivity(belief_->states(), 0.0);
   sensitivity[kSensor] = 1.0 + belief_->shared[kScale];
   sensitivity[kScale] = belief_->shared[kSensor];
   measure_shared(innovation, sensitivity.data(), variance);
@@ -314,7 +314,7 @@ void ForceErrorFilter::measure_temperature(double reading, double variance) {
 void ForceErrorFilter::measure_shared(double innovation, const double* sensitivity, double variance) {
   Belief& b = *belief_;
   const std::size_t states = b.states();
-  std::vector<double> gain(states);
+  Vector<double> gain(states);
   multiply(sensitivity, b.covariance().data(), gain.data(), 1, states, states);
   const double total = dot(sensitivity, gain.data(), states) + variance;
   for (double& each : gain) {
@@ -370,7 +370,7 @@ void ForceErrorFilter::covariance_root(const double* response, double* own, doub
   const Belief& b = *belief_;
   const std::size_t states = b.states();
   const SquareMatrix& root = b.root();
-  std::vector<double> row(states);
+  Vector<double> row(states);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     const double* force_error = b.slope_of(taxel, kForceError);
     for (std::size_t state = 0; state < states; ++state) {

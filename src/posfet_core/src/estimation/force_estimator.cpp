@@ -120,7 +120,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
     values->assign(taxels() * kSharedStates, 0.0);
   }
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_}) {
+  for (auto* mask :
+       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &begun_, &odd_, &chosen_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -357,13 +358,13 @@ void ForceEstimator::start_block() {
 
 // The end of a block.
 
-void ForceEstimator::close_block(const bool* in_contact, const std::vector<const Taxels*>& contacts) {
+void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxels*>& contacts) {
   apply_clipped();
   Block& block = blocks_.next();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.listed[taxel] = in_contact[taxel] && offset_known()[taxel];
   }
-  std::vector<const Taxels*> listed_contacts = contacts;
+  Vector<const Taxels*> listed_contacts = contacts;
   Taxels lost;
   if (find_unreleased(block.listed, lost)) {
     listed_contacts.push_back(&lost);

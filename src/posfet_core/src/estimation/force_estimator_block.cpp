@@ -174,7 +174,7 @@ void ForceEstimator::observe_rest(bool listed) {
   walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
   if (const double grown = walk_.intensity() - known; grown > 0.0) {
     // A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
-    std::vector<double> drifting(kSharedStates, 0.0);
+    std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
     filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / integration_->block().age);
   }
@@ -215,7 +215,7 @@ void ForceEstimator::observe_steps(bool at_rest) {
 /// Add to changes of the mean forces [N] those from one block to the next, without what the offsets cause. Returns what
 /// all have in common, as a change of the film's temperature [K].
 double ForceEstimator::add_change(const Block& from, const Block& to, std::vector<double>& change) const {
-  std::vector<double> kelvins;
+  Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double drift = offset(taxel) / array_.time_constant[taxel];
     change[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
@@ -256,7 +256,7 @@ void ForceEstimator::observe_steady_force() {
   if (!found) {
     return;
   }
-  std::vector<double> spread(kSharedStates);
+  std::array<double, kSharedStates> spread{};
   multiply(found->sensitivity.data(), b.covariance().data(), spread.data(), 1, kSharedStates, kSharedStates);
   const double expected = dot(spread.data(), found->sensitivity.data(), kSharedStates) + found->variance;
   if (square(found->innovation) < square(kSurprising) * expected) {
@@ -283,7 +283,7 @@ Taxels ForceEstimator::held_taxels() const {
 SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
   const Belief& b = *belief();
   SteadyWindow window;
-  window.response.assign(kSharedStates, std::vector<double>(blocks_.size(), 0.0));
+  window.response.assign(kSharedStates, Vector<double>(blocks_.size(), 0.0));
   double time = 0.0;
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
     const Block& block = blocks_[index];
@@ -311,14 +311,13 @@ SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
 /// Set what a slow press may have lost to the zeros before, where taxels are newly listed. It counts in the deviation
 /// only: the filter would explain the rest of the press by it.
 void ForceEstimator::suspect_absorbed(const Block& block) {
-  TaxelFlags begun(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    begun[taxel] = block.listed[taxel] && !listed_[taxel];
+    begun_[taxel] = block.listed[taxel] && !listed_[taxel];
   }
-  if (!begun.any()) {
+  if (!begun_.any()) {
     return;
   }
-  surroundings_.dilate(begun, chosen_);
+  surroundings_.dilate(begun_, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel] && !listed_[taxel]) {
       absorbed_[taxel] = std::max(belief()->error_of(taxel)[kForceError] - usual_[taxel], 0.0);

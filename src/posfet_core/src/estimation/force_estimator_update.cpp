@@ -337,7 +337,7 @@ void ForceEstimator::restart_or_correct(const Block& block) {
 }
 
 /// Set the forces of released contacts to zero.
-void ForceEstimator::release(const Block& block, const std::vector<const Taxels*>& contacts) {
+void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& contacts) {
   std::vector<double>& variance = values_;
   const std::vector<double>& shared = state().correlated_error;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

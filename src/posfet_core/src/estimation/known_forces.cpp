@@ -77,7 +77,7 @@ void UnexplainedResiduals::reset() {
 ReleaseDetector::ReleaseDetector(std::size_t taxels)
     : peak_(taxels, 0.0), means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)), blocks_(taxels, 0) {}
 
-bool ReleaseDetector::update(const std::vector<const Taxels*>& contacts, const double* mean, const bool* touched,
+bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched,
                              const double* variance, double noise, bool* released) {
   const std::size_t taxels = peak_.size();
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {

@@ -56,7 +56,8 @@ py::array_t<double> new_array(std::initializer_list<std::size_t> shape) {
   return py::array_t<double>(std::vector<py::ssize_t>(shape.begin(), shape.end()));
 }
 
-py::array_t<double> copy_of(const std::vector<double>& values, std::initializer_list<std::size_t> shape) {
+template <typename Numbers>
+py::array_t<double> copy_of(const Numbers& values, std::initializer_list<std::size_t> shape) {
   py::array_t<double> copy = new_array(shape);
   std::copy(values.begin(), values.end(), copy.mutable_data());
   return copy;
@@ -457,8 +458,8 @@ std::vector<Taxels> contacts_from(const py::sequence& contacts, Taxel taxels) {
   return found;
 }
 
-std::vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts) {
-  std::vector<const Taxels*> pointers;
+Vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts) {
+  Vector<const Taxels*> pointers;
   pointers.reserve(contacts.size());
   for (const Taxels& contact : contacts) {
     pointers.push_back(&contact);

@@ -24,6 +24,6 @@ ErrorPriors priors_from(const pybind11::object& priors);
 std::vector<Taxels> contacts_from(const pybind11::sequence& contacts, Taxel taxels);
 
 /// The same as the estimator takes them, which does not own them.
-std::vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts);
+Vector<const Taxels*> pointers_to(const std::vector<Taxels>& contacts);
 
 }  // namespace posfet

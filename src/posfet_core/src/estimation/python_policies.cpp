@@ -35,11 +35,13 @@ namespace posfet {
 
 namespace {
 
-py::array_t<double> array_of(const std::vector<double>& values) {
+template <typename Numbers>
+py::array_t<double> array_of(const Numbers& values) {
   return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
-py::array_t<double> array_of(const std::vector<double>& values, py::ssize_t columns) {
+template <typename Numbers>
+py::array_t<double> array_of(const Numbers& values, py::ssize_t columns) {
   return array_of(values).reshape({static_cast<py::ssize_t>(values.size()) / columns, columns});
 }
 
@@ -393,8 +395,8 @@ void bind_uniform(const py::module_& module) {
 }
 
 /// Rows of a matrix.
-std::vector<std::vector<double>> rows_of(const Values& matrix) {
-  std::vector<std::vector<double>> rows;
+Vector<Vector<double>> rows_of(const Values& matrix) {
+  Vector<Vector<double>> rows;
   rows.reserve(static_cast<std::size_t>(matrix.shape(0)));
   for (py::ssize_t row = 0; row < matrix.shape(0); ++row) {
     rows.emplace_back(matrix.data(row, 0), matrix.data(row, 0) + matrix.shape(1));
@@ -403,8 +405,8 @@ std::vector<std::vector<double>> rows_of(const Values& matrix) {
 }
 
 /// Columns of a matrix.
-std::vector<std::vector<double>> columns_of(const Values& matrix) {
-  std::vector<std::vector<double>> columns(static_cast<std::size_t>(matrix.shape(1)));
+Vector<Vector<double>> columns_of(const Values& matrix) {
+  Vector<Vector<double>> columns(static_cast<std::size_t>(matrix.shape(1)));
   for (py::ssize_t row = 0; row < matrix.shape(0); ++row) {
     for (py::ssize_t column = 0; column < matrix.shape(1); ++column) {
       columns[static_cast<std::size_t>(column)].push_back(*matrix.data(row, column));
@@ -433,7 +435,9 @@ void bind_steady_force(py::module_& module) {
         if (charge.shape(1) != force.shape(1)) {
           throw std::invalid_argument("force and charge must be of the same taxels");
         }
-        return steady_force({vector_of(time), rows_of(force), rows_of(charge), columns_of(response)}, warmed, noise);
+        return steady_force(
+            {{time.data(), time.data() + time.size()}, rows_of(force), rows_of(charge), columns_of(response)}, warmed,
+            noise);
       },
       py::arg("time"), py::arg("force"), py::arg("charge"), py::arg("response"), py::arg("warmed"), py::arg("noise"),
       "Return what the touched taxels together tell of the shared states in a window of blocks; None: nothing.");
@@ -451,7 +455,7 @@ void bind_signal_steps(py::module_& module) {
           throw std::invalid_argument("time and force must have a row for each block of the window");
         }
         require_all(static_cast<std::size_t>(taxels), {noise});
-        StepWindow window{vector_of(time), {}, noise.data(), nullptr};
+        StepWindow window{{time.data(), time.data() + time.size()}, {}, noise.data(), nullptr};
         for (py::ssize_t block = 0; block < blocks; ++block) {
           window.force.push_back(force.data(block, 0));
         }

@@ -36,7 +36,7 @@ struct Half {
   double square;                          ///< Sum of their squares [s2].
 };
 
-Half half_of(const std::vector<double>& time, std::size_t first) {
+Half half_of(const Vector<double>& time, std::size_t first) {
   Half half{first, 0.0, {}, 0.0};
   for (std::size_t block = 0; block < kStepHalf; ++block) {
     half.mean += (time[first + block] - time[kStepHalf]) / kCount;
@@ -54,7 +54,7 @@ struct Line {
   double residual = 0.0;  ///< Sum of squares [N2].
 };
 
-Line fit(const Half& half, const std::vector<const double*>& force, std::size_t taxel) {
+Line fit(const Half& half, const Vector<const double*>& force, std::size_t taxel) {
   double mean = 0.0;
   double slope = 0.0;
   for (std::size_t block = 0; block < kStepHalf; ++block) {

@@ -29,12 +29,12 @@ constexpr double kLargestChange = 0.015;
 /// Standard deviation of b above which a window is not informative [1].
 constexpr double kInformative = 0.03;
 
-double product(const std::vector<double>& one, const std::vector<double>& other) {
+double product(const Vector<double>& one, const Vector<double>& other) {
   return dot(one.data(), other.data(), one.size());
 }
 
-std::vector<double> sums(const std::vector<std::vector<double>>& rows) {
-  std::vector<double> found;
+Vector<double> sums(const Vector<Vector<double>>& rows) {
+  Vector<double> found;
   found.reserve(rows.size());
   for (const auto& row : rows) {
     found.push_back(sum(row));
@@ -45,7 +45,7 @@ std::vector<double> sums(const std::vector<std::vector<double>>& rows) {
 /// Takes mean and linear trend from a course of values.
 class Trend {
 public:
-  explicit Trend(std::vector<double> time) : before_(std::move(time)) {
+  explicit Trend(Vector<double> time) : before_(std::move(time)) {
     subtract_mean(before_);
     rate_ = before_;
     const double square = product(before_, before_);
@@ -55,9 +55,9 @@ public:
   }
 
   /// Weights of the values in their slope [1/s].
-  const std::vector<double>& rate() const { return rate_; }
+  const Vector<double>& rate() const { return rate_; }
 
-  std::vector<double> removed(std::vector<double> values) const {
+  Vector<double> removed(Vector<double> values) const {
     subtract_mean(values);
     const double slope = product(rate_, values);
     for (std::size_t point = 0; point < values.size(); ++point) {
@@ -67,19 +67,19 @@ public:
   }
 
 private:
-  static void subtract_mean(std::vector<double>& values) {
+  static void subtract_mean(Vector<double>& values) {
     const double mean = sum(values) / static_cast<double>(values.size());
     for (double& each : values) {
       each -= mean;
     }
   }
 
-  std::vector<double> before_;
-  std::vector<double> rate_;
+  Vector<double> before_;
+  Vector<double> rate_;
 };
 
 /// Change of each taxel's force but for what the charge explains, all together, per time [N/s].
-double motion(const SteadyWindow& window, const std::vector<double>& rate, double slope) {
+double motion(const SteadyWindow& window, const Vector<double>& rate, double slope) {
   double total = 0.0;
   for (std::size_t taxel = 0; taxel < window.force.front().size(); ++taxel) {
     double each = 0.0;
@@ -95,18 +95,18 @@ double motion(const SteadyWindow& window, const std::vector<double>& rate, doubl
 
 std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double warmed, double noise) {
   const auto points = static_cast<double>(window.time.size());
-  std::vector<double> force = sums(window.force);
+  Vector<double> force = sums(window.force);
   const double total = sum(force) / points;
   if (warmed > kLargestChange * total) {
     return std::nullopt;
   }
   const Trend trend(window.time);
-  const std::vector<double> decay = trend.removed(sums(window.charge));
+  const Vector<double> decay = trend.removed(sums(window.charge));
   const double square = product(decay, decay) - (points - 2.0) * noise;
   if (square * kInformative * kInformative <= noise) {
     return std::nullopt;
   }
-  const std::vector<double> course = trend.removed(std::move(force));
+  const Vector<double> course = trend.removed(std::move(force));
   const double slope = (product(decay, course) - (points - 2.0) * noise) / square;
   double residual = 0.0;
   for (std::size_t point = 0; point < course.size(); ++point) {
@@ -122,7 +122,7 @@ std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double
   }
   // Windows overlap: each counts for its new blocks only.
   SharedMeasurement found{slope, {}, points / kHop * (noise / square + kSteadiness * kSteadiness)};
-  for (const std::vector<double>& response : window.response) {
+  for (const Vector<double>& response : window.response) {
     found.sensitivity.push_back(product(decay, trend.removed(response)) / square);
   }
   return found;

@@ -120,7 +120,7 @@ public:
 
   /// Process the block that is due: the taxels in contact at any time of it, and those of each contact. Has no effect
   /// where the offset is unknown: there a constant force is as informative as no force.
-  void close_block(const bool* in_contact, const std::vector<const Taxels*>& contacts);
+  void close_block(const bool* in_contact, const Vector<const Taxels*>& contacts);
 
   /// Set the faulty taxels; one that works again restarts with an unknown offset.
   void ignore(const bool* faulty);
@@ -195,7 +195,7 @@ private:
   UniformChange::Evidence evidence_of(const Block& block);
   void take_unheated(const Block& block);
   void restart_or_correct(const Block& block);
-  void release(const Block& block, const std::vector<const Taxels*>& contacts);
+  void release(const Block& block, const Vector<const Taxels*>& contacts);
   void end_unknown_touch(const Block& block);
 
   void finish(const Block& block);
@@ -265,6 +265,7 @@ private:
   TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
   TaxelFlags judged_;                  ///< Taxels whose residual counts.
   TaxelFlags zeros_;                   ///< Taxels whose force is known.
+  TaxelFlags begun_;                   ///< Taxels listed since this block.
   TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
   TaxelFlags chosen_;                  ///< Any others.
   std::vector<double> measured_;       ///< [N].

@@ -106,8 +106,8 @@ public:
 
   /// Process a block: the taxels of each contact, mean forces [N], touched taxels, their variances [N2], and the
   /// standard deviation of a mean [N]. The taxels of released contacts are marked; returns whether there are any.
-  bool update(const std::vector<const Taxels*>& contacts, const double* mean, const bool* touched,
-              const double* variance, double noise, bool* released);
+  bool update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched, const double* variance,
+              double noise, bool* released);
 
 private:
   bool looks_released(const Taxels& contact, const double* mean, const double* variance, double noise) const;

@@ -15,6 +15,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/recycled.hpp"
+
 namespace posfet {
 
 /// Blocks of a window on either side of a step, with one between them [1].
@@ -23,10 +25,10 @@ constexpr std::size_t kStepWindow = 2 * kStepHalf + 1;
 
 /// Courses of uncorrected forces.
 struct StepWindow {
-  std::vector<double> time;          ///< Times of the blocks [s].
-  std::vector<const double*> force;  ///< Mean uncorrected forces of each block [N].
-  const double* noise;               ///< Least variances of their noise [N2]: what the lines do not fit is noise.
-  const bool* where;                 ///< Taxels whose signals count.
+  Vector<double> time;          ///< Times of the blocks [s].
+  Vector<const double*> force;  ///< Mean uncorrected forces of each block [N].
+  const double* noise;          ///< Least variances of their noise [N2]: what the lines do not fit is noise.
+  const bool* where;            ///< Taxels whose signals count.
 };
 
 /// Find the steps of single signals in the middle of a window [N], by their leakage time constants tau [s]; 0: none.

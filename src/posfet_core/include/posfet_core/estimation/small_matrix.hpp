@@ -9,12 +9,13 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
+
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
 /// A square matrix, row by row.
-using SquareMatrix = std::vector<double>;
+using SquareMatrix = Vector<double>;
 
 /// Added to the correlation of each state with itself [1]: correlations are positive within rounding, then.
 constexpr double kNegligibleCorrelation = 1e-14;

@@ -15,7 +15,8 @@
 #pragma once
 
 #include <optional>
-#include <vector>
+
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -27,18 +28,18 @@ constexpr double kSteadiness = 0.02;
 
 /// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
 struct SharedMeasurement {
-  double innovation;                ///< Measured less expected value.
-  std::vector<double> sensitivity;  ///< Sensitivity to the shared states, [states].
-  double variance;                  ///< Variance of the noise.
+  double innovation;           ///< Measured less expected value.
+  Vector<double> sensitivity;  ///< Sensitivity to the shared states, [states].
+  double variance;             ///< Variance of the noise.
 };
 
 /// What the touched taxels do in a window of blocks.
 struct SteadyWindow {
-  std::vector<double> time;                   ///< Times of the blocks [s].
-  std::vector<std::vector<double>> force;     ///< Estimated forces of each block, with the present shared states [N].
-  std::vector<std::vector<double>> charge;    ///< Charges that are left, as forces, up to a constant [N].
-  std::vector<std::vector<double>> response;  ///< Response of the error of their sum to each of the shared states,
-                                              ///< [states][blocks]; zero for states that are not constant.
+  Vector<double> time;              ///< Times of the blocks [s].
+  Vector<Vector<double>> force;     ///< Estimated forces of each block, with the present shared states [N].
+  Vector<Vector<double>> charge;    ///< Charges that are left, as forces, up to a constant [N].
+  Vector<Vector<double>> response;  ///< Response of the error of their sum to each of the shared states,
+                                    ///< [states][blocks]; zero for states that are not constant.
 };
 
 /// Find what the touched taxels together tell in a window: none where that is nothing, or their force is not steady.
