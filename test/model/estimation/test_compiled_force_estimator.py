@@ -261,7 +261,7 @@ class Both:
         self.seen["valid"] += python.valid
         self.seen["invalid"] += not python.valid
         self.seen["offset unknown"] += not python.offset_known.all()
-        self.seen["absorbed"] += bool(python._absorbed.any())
+        self.seen["absorbed"] += bool(python._absorbed().any())
         self.seen["small forces"] += bool((python.belief.own[:, 2, 2] > 0.0).any())
         self.seen["processed again"] = self.compiled.processed_again
         self.seen["restarts"] = self.compiled.restarts

@@ -127,7 +127,7 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
-ABSORBED_TIME: Final = 1.0
+ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
 
@@ -232,7 +232,7 @@ class ForceEstimator:
             noticeable=NOTICEABLE * self._threshold,
             fastest=UniformChange.FASTEST,
             negligible=self._negligible,
-            causes=COUNT + 3,
+            causes=COUNT + 4,
         )
         """What happens in every scan, and the state that it changes."""
         lag = calibration.thermal_time_constant
@@ -285,7 +285,7 @@ class ForceEstimator:
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._absorbed = np.zeros((2, taxels))
+        self._untouched_time, self._usual_offset = np.zeros((2, taxels))
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -445,8 +445,6 @@ class ForceEstimator:
             self._process_again(touched)
         else:
             self._step(block)
-        if any_true(listed) and any_true(new := listed & ~self._listed):
-            self._suspect_absorbed(new)
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
@@ -454,7 +452,7 @@ class ForceEstimator:
             contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
         )
         if released is not None:
-            self.belief.own[:, 0, 0] += np.where(released, self._absorbed * self._absorbed, 0.0)
+            self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
@@ -644,15 +642,6 @@ class ForceEstimator:
             block.touched = block.touched | touched
             self._step(block)
 
-    def _suspect_absorbed(self, new: Mask) -> None:
-        """Set what a slow press may have lost to the zeros before, where taxels are newly listed.
-
-        It counts in the deviation only: the filter would explain the rest of the press by it.
-        """
-        pressed = self._surroundings.dilated(new) & ~self._listed
-        lost = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
-        self._absorbed = np.where(pressed, lost, self._absorbed)
-
     def _step(self, block: Block) -> None:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
         beside = self._predict(self._filter, block)
@@ -835,11 +824,8 @@ class ForceEstimator:
         self._correction[:] = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
+        self._follow_usual(block)
         self._set_covariance(block)
-        self._usual += block.duration * leaking
-        self._untouched_time = np.where(self._touched, 0.0, self._untouched_time + block.duration)
-        share = block.duration / np.clip(self._untouched_time, block.duration, ABSORBED_TIME)
-        self._usual += np.where(self._touched, 0.0, share * (belief.error[:, 0] - self._usual))
         self._agreed += block.duration
         self._recovering = max(0.0, self._recovering - block.duration)
         failed = np.abs(self.force) > self._runaway
@@ -876,6 +862,30 @@ class ForceEstimator:
             return float(shared[Shared.CHIP] - shared[Shared.FILM]) / self._film_lag
         return float(shared[Shared.RATE])
 
+    def _follow_usual(self, block: Block) -> None:
+        """Follow the errors of the forces and their offsets slowly, where nothing touches.
+
+        A press that grows too slowly to be seen moves both: its beginning is absorbed, and so is its growth, as an
+        offset.
+        """
+        error, offset = self.belief.error[:, 0], self.belief.error[:, 1]
+        self._untouched_time = np.where(self._listed, 0.0, self._untouched_time)
+        self._usual += block.duration * (self._offset() + self._usual_offset - offset) * self._per_second
+        self._untouched_time += block.duration * ~self._beside
+        # Twice as fast as their age: what was estimated early, and so less well, is soon forgotten.
+        share = 2.0 * block.duration / np.clip(self._untouched_time, 2.0 * block.duration, ABSORBED_TIME)
+        share *= ~self._beside
+        self._usual += share * (error - self._usual)
+        self._usual_offset += share * (offset - self._usual_offset)
+
+    def _absorbed(self) -> Array:
+        """Return what a slow press may have lost to zeros [N].
+
+        It counts in the deviation only: the filter would explain the rest of the press by it.
+        """
+        absorbed: Array = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
+        return absorbed
+
     def _set_covariance(self, block: Block) -> None:
         held, belief = np.maximum(self.force * self._touched, 0.0), self.belief
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
@@ -887,12 +897,10 @@ class ForceEstimator:
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
-        self._factor[:, COUNT + 2] = self._lost
-        if not any_true(self._listed):
-            self._absorbed[:] = 0.0
+        self._factor[:, COUNT + 2] = self._absorbed()
+        self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
-        own += self._absorbed * self._absorbed
         self._own = own
 
     def _is_valid(self) -> bool:
@@ -957,6 +965,7 @@ class ForceEstimator:
         belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
+        self._usual_offset[:] = belief.error[:, 1]
         self._blocks.clear()
         self._drop_hypothesis()
         self._recent_force.clear()
@@ -1000,6 +1009,7 @@ class ForceEstimator:
         self._correction[where] = self._raw[where]
         self.force[where] = 0.0
         self._usual[where] = belief.error[where, 0]
+        self._usual_offset[where] = belief.error[where, 1]
         self._agreed = 0.0
         self._blocks.clear()
 

@@ -154,6 +154,14 @@ def test_a_light_touch_after_an_overload_is_felt() -> None:
     assert score.coverage_pct["total"] > 90.0
 
 
+def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibration) -> None:
+    """The taxel that carries most of the force is dead on this board."""
+    score = run(Run(SENSOR, load_scene("slow_press", SENSOR), 15.0, 1, ErrorModel.default(), calibrated))
+    assert score.valid_pct is not None and score.valid_pct > 98.0
+    assert score.coverage_pct["taxel"] is not None and score.coverage_pct["taxel"] > 95.0
+    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 85.0
+
+
 LIFTS = "a slip is reported as one of two fingers lifts"
 
 

@@ -109,9 +109,9 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,   &mean_,     &last_mean_,          &steady_,    &usual_,         &untouched_time_,
-           &absorbed_, &tail_,     &touch_force_,        &warmth_,    &own_,           &measured_,
-           &noise_,    &residual_, &untouched_variance_, &deviation_, &own_deviation_, &leaked_share_,
+           &leaked_,       &mean_,     &last_mean_,          &steady_,    &usual_,         &untouched_time_,
+           &usual_offset_, &tail_,     &touch_force_,        &warmth_,    &own_,           &measured_,
+           &noise_,        &residual_, &untouched_variance_, &deviation_, &own_deviation_, &leaked_share_,
            &values_,
        }) {
     values->assign(taxels(), 0.0);
@@ -120,8 +120,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
     values->assign(taxels() * kSharedStates, 0.0);
   }
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask :
-       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &begun_, &odd_, &chosen_}) {
+  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -275,6 +274,7 @@ void ForceEstimator::start(const double* charge) {
   integrate(-0.5 * last_duration_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     usual_[taxel] = b.error_of(taxel)[kForceError];
+    usual_offset_[taxel] = b.error_of(taxel)[kOffset];
     values_[taxel] = signal(taxel);
     chosen_[taxel] = !s.offset_known[taxel];
   }
@@ -346,6 +346,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       s.correction[taxel] = s.raw[taxel];
       s.force[taxel] = 0.0;
       usual_[taxel] = b.error_of(taxel)[kForceError];
+      usual_offset_[taxel] = b.error_of(taxel)[kOffset];
     }
   }
   agreed_ = 0.0;
@@ -392,7 +393,6 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
   } else {
     step(blocks_.size() - 1);
   }
-  suspect_absorbed(block);
   listed_.set(block.listed.data());
   observe_steady_force();
   release(block, listed_contacts);

@@ -308,21 +308,4 @@ SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
   return window;
 }
 
-/// Set what a slow press may have lost to the zeros before, where taxels are newly listed. It counts in the deviation
-/// only: the filter would explain the rest of the press by it.
-void ForceEstimator::suspect_absorbed(const Block& block) {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    begun_[taxel] = block.listed[taxel] && !listed_[taxel];
-  }
-  if (!begun_.any()) {
-    return;
-  }
-  surroundings_.dilate(begun_, chosen_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (chosen_[taxel] && !listed_[taxel]) {
-      absorbed_[taxel] = std::max(belief()->error_of(taxel)[kForceError] - usual_[taxel], 0.0);
-    }
-  }
-}
-
 }  // namespace posfet

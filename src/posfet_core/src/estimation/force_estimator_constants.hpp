@@ -27,8 +27,9 @@ constexpr double kSurprising = 3.0;
 /// Deviation of the total force that is always accepted [contact threshold].
 constexpr double kLeastDeviation = 1.0;
 
-/// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, lost scans.
-constexpr std::size_t kOtherCauses = 3;
+/// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, a slow
+/// press, lost scans.
+constexpr std::size_t kOtherCauses = 4;
 
 constexpr std::size_t kCauses = kSharedStates + kOtherCauses;
 

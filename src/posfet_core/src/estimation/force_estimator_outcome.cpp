@@ -29,7 +29,7 @@ constexpr double kNegligibleResponse = 1e-12;
 
 /// Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its
 /// end tells of the errors is no slow press.
-constexpr double kAbsorbedTime = 1.0;
+constexpr double kAbsorbedTime = 5.0;
 
 }  // namespace
 
@@ -47,15 +47,8 @@ void ForceEstimator::finish(const Block& block) {
     s.correction[taxel] = predicted[taxel] + 0.5 * block.duration * s.rate[taxel];
     s.force[taxel] = s.raw[taxel] - s.correction[taxel];
     mean_[taxel] = block.mean[taxel] - predicted[taxel];
-    usual_[taxel] += block.duration * leaking;
-    if (touched_[taxel]) {
-      untouched_time_[taxel] = 0.0;
-    } else {
-      untouched_time_[taxel] += block.duration;
-      const double time = std::min(std::max(untouched_time_[taxel], block.duration), kAbsorbedTime);
-      usual_[taxel] += block.duration / time * (b.error_of(taxel)[kForceError] - usual_[taxel]);
-    }
   }
+  follow_usual(block);
   set_covariance(block);
   agreed_ += block.duration;
   recovering_ = std::max(0.0, recovering_ - block.duration);
@@ -68,6 +61,34 @@ void ForceEstimator::finish(const Block& block) {
   integration_->block().valid = is_valid();
   prepare_compensation(block);
   start_block();
+}
+
+/// Follow the errors of the forces and their offsets slowly, where nothing touches. A press that grows too slowly to be
+/// seen moves both: its beginning is absorbed, and so is its growth, as an offset.
+void ForceEstimator::follow_usual(const Block& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double* error = belief()->error_of(taxel);
+    if (listed_[taxel]) {
+      untouched_time_[taxel] = 0.0;
+    }
+    const double leaking = offset(taxel) + usual_offset_[taxel] - error[kOffset];
+    usual_[taxel] += block.duration * leaking * (1.0 / array_.time_constant[taxel]);
+    if (beside_[taxel]) {
+      continue;
+    }
+    untouched_time_[taxel] += block.duration;
+    // Twice as fast as their age: what was estimated early, and so less well, is soon forgotten.
+    const double time = std::min(std::max(untouched_time_[taxel], 2.0 * block.duration), kAbsorbedTime);
+    const double share = 2.0 * block.duration / time;
+    usual_[taxel] += share * (error[kForceError] - usual_[taxel]);
+    usual_offset_[taxel] += share * (error[kOffset] - usual_offset_[taxel]);
+  }
+}
+
+/// What a slow press may have lost to zeros [N]. It counts in the deviation only: the filter would explain the rest of
+/// the press by it.
+double ForceEstimator::absorbed(std::size_t taxel) const {
+  return std::max(belief()->error_of(taxel)[kForceError] - usual_[taxel], 0.0);
 }
 
 void ForceEstimator::set_covariance(const Block& block) {
@@ -83,9 +104,6 @@ void ForceEstimator::set_covariance(const Block& block) {
     }
   }
   filter_.shared_variance(sensitivity_.data(), shared_variance.data());
-  if (!listed_.any()) {
-    std::fill(absorbed_.begin(), absorbed_.end(), 0.0);
-  }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double held = touched_[taxel] ? std::max(s.force[taxel], 0.0) : 0.0;
     const double* own = b.own_of(taxel);
@@ -95,7 +113,8 @@ void ForceEstimator::set_covariance(const Block& block) {
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
     factor[kSharedStates] = array_.common_gain_deviation * held;
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
-    factor[kSharedStates + 2] = lost;
+    factor[kSharedStates + 2] = absorbed(taxel);
+    factor[kSharedStates + 3] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
     // temperature contributes, which grows during a touch only.
     const double by_response = square(own[own_at(kForceError, kPyroelectric)]) /
@@ -104,7 +123,6 @@ void ForceEstimator::set_covariance(const Block& block) {
     own_[taxel] -= std::min(own_[taxel], square(lost));  // in the covariance as each taxel's own
     own_[taxel] += square(array_.gain_deviation[taxel] * held) +
                    square(array_.leak_deviation[taxel] * touch_.leaked(taxel)) + warmth_variance(block, taxel);
-    own_[taxel] += square(absorbed_[taxel]);
   }
 }
 

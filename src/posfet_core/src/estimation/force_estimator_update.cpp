@@ -350,7 +350,7 @@ void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& co
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed(taxel));
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * (warmth_variance(block, taxel) + square(kLeastTail));
   }

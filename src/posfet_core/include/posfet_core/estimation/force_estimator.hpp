@@ -158,6 +158,7 @@ private:
   double warmth_variance(const Block& block, std::size_t taxel) const;
   double tail_spread() const;
   double film_rate() const;
+  double absorbed(std::size_t taxel) const;
   bool warms() const;
   std::size_t usable() const;
 
@@ -177,7 +178,6 @@ private:
   void observe_steady_force();
   Taxels held_taxels() const;
   SteadyWindow window_of(const Taxels& held) const;
-  void suspect_absorbed(const Block& block);
 
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
@@ -199,6 +199,7 @@ private:
   void end_unknown_touch(const Block& block);
 
   void finish(const Block& block);
+  void follow_usual(const Block& block);
   void set_covariance(const Block& block);
   bool is_valid();
   bool is_certain() const;
@@ -250,8 +251,8 @@ private:
   std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
   std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
-  std::vector<double> untouched_time_;      ///< Time since a taxel was touched [s].
-  std::vector<double> absorbed_;            ///< What a slow press may have lost to the zeros before it [N].
+  std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
+  std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
   std::vector<double> warmth_;              ///< Squares of the relative warmth of the taxels [1].
@@ -265,7 +266,6 @@ private:
   TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
   TaxelFlags judged_;                  ///< Taxels whose residual counts.
   TaxelFlags zeros_;                   ///< Taxels whose force is known.
-  TaxelFlags begun_;                   ///< Taxels listed since this block.
   TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
   TaxelFlags chosen_;                  ///< Any others.
   std::vector<double> measured_;       ///< [N].
