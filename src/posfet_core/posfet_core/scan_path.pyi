@@ -617,6 +617,7 @@ class ReleaseDetector:
     def update(
         self, contacts: Sequence[ArrayLike], mean: ArrayLike, touched: ArrayLike, variance: ArrayLike, noise: float
     ) -> NDArray[np.bool_]: ...
+    def has_left(self, taxel: int, mean: float, noise: float) -> bool: ...
 
 class UniformChange:
     FEWEST: Final[int]

@@ -169,6 +169,20 @@ def test_a_contact_is_not_released_while_it_moves() -> None:
     assert first(Release().run(hold(0.1, 20) + falling)) is None
 
 
+def test_a_taxel_has_left_once_its_force_has_hardly_changed_or_is_below_zero() -> None:
+    release = Release()
+    release.run(hold(0.1, 20))
+    taxel = int(CONTACT[0])
+    assert release.detector.has_left(taxel, 0.1, NOISE)
+    release.run([at(force, *CONTACT.tolist()) for force in np.linspace(0.1, 0.05, 10)])
+    assert not release.detector.has_left(taxel, 0.05, NOISE)
+    assert release.detector.has_left(taxel, -6.0 * NOISE, NOISE)
+    release.run(hold(0.05, STILL_BLOCKS + 1))
+    assert release.detector.has_left(taxel, 0.05, NOISE)
+    with pytest.raises(ValueError, match="taxel must be"):
+        release.detector.has_left(TAXELS, 0.05, NOISE)
+
+
 def test_all_taxels_of_a_contact_are_released_together_and_no_others() -> None:
     one, other = hold(1.0, 20), hold(1.0, 40, OTHER)
     forces = [a + b for a, b in zip(one + hold(0.0, 20), other, strict=True)]

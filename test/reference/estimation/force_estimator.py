@@ -430,12 +430,11 @@ class ForceEstimator:
         if any_true(lost := self._unreleased(listed)):
             listed = listed | lost
             contacts = (*contacts, lost.nonzero()[0])
-        touched = listed | (self._unexplained.rising & self.offset_known)
-        if any_true(self._lower_bound.mask):
-            # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
-            touched |= self._surroundings.dilated(self._lower_bound.mask) & self.offset_known
+        touched = self._find_touched(listed)
         block, beside = self._measure(touched, listed)
-        begun = touched & ~self._touched & ~self._beside
+        begun = touched & ~self._touched
+        if any_true(self._listed):
+            begun &= ~self._beside  # where forces were small ones, and no zeros
         self._observe_rest(any_true(listed))
         self._blocks.append(block)
         if self._unheated is not None:
@@ -443,6 +442,7 @@ class ForceEstimator:
             self._measure_temperature(self._unheated, block, zeros=False)
         if any_true(begun):
             self._process_again(touched)
+            self._mean = block.mean - self._filter.predicted(block.response)
         else:
             self._step(block)
         self._listed = listed
@@ -458,6 +458,24 @@ class ForceEstimator:
             self._end_unknown_touch(block)
         self._touched, self._beside = touched, beside
         self._finish(block)
+
+    def _find_touched(self, listed: Mask) -> Mask:
+        """Return the taxels whose force is not known to be none or small.
+
+        Those in contact, those that a touch may have begun on, and those that were touched and have not been still
+        since.
+        """
+        # Those touched since before an interruption have a force that is unknown: not none, whatever the signal says.
+        suspected = self._lower_bound.mask
+        if not any_true(listed):
+            # A wide object presses more taxels than those whose residual is beyond its noise.
+            suspected = suspected | self._unexplained.rising
+        unknown = self._unexplained.rising | self._surroundings.dilated(suspected)
+        if any_true(self._touched):
+            noise = np.sqrt(self._noise_variance / self._scans)
+            unknown |= self._touched & ~self._release.left(self._sum / self._scans, noise)
+        touched: Mask = listed | (unknown & self.offset_known)
+        return touched
 
     def _unreleased(self, listed: Mask) -> Mask:
         """Return the taxels of a contact with the whole array that became uncertain, and was not released.
@@ -712,7 +730,9 @@ class ForceEstimator:
         listed = any_true(block.listed)
         if listed or any_true(odd & where):
             own = f.own_deviation(deviation, sensitivity, noise)
-            kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration, listed)
+            # While a contact grows, the rest of a wide object rises like a warmer film.
+            telling = where if listed else judged
+            kelvin = self._uniform.temperature(residual, telling, deviation, own, block.duration, listed)
             if kelvin:
                 if kelvin * self._mean_per_kelvin > 0.0 and not listed:
                     self._open_hypothesis(block)
@@ -971,6 +991,7 @@ class ForceEstimator:
         self._recent_force.clear()
         self._negative.reset(slice(None))
         self._unexplained.reset()
+        self._release.restart()
         self._started = True
         self._rest.start(signal)
         self._integration.watch_none()

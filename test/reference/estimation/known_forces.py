@@ -213,6 +213,28 @@ class ReleaseDetector:
         released: Mask = self._blocks >= RELEASED_BLOCKS
         return released if released.any() else None
 
+    def restart(self) -> None:
+        """Forget the last blocks: an unknown time has passed since."""
+        self._means.clear()
+
+    def left(self, mean: Array, noise: Array) -> Mask:
+        """Return the mask of taxels that nothing touches, of those that were touched and are in no contact.
+
+        Their force has hardly changed in the last blocks, or is below zero in the next one, as no object pulls.
+
+        Parameters
+        ----------
+        mean : ndarray of float64, shape [taxels]
+            Mean forces in the block that comes next [N].
+        noise : ndarray of float64, shape [taxels]
+            Standard deviations of a mean [N].
+        """
+        if len(self._means) <= STILL_BLOCKS:
+            return np.ones(len(self._peak), np.bool_)
+        moved = np.abs(self._means[-1] - self._means[-1 - RELEASED_BLOCKS])
+        left: Mask = (mean < -GATE * noise) | (moved < GATE * noise + RESIDUAL_MOTION * self._peak)
+        return left
+
 
 class UniformChange:
     """Hypothesis that all taxels changed because the film's temperature did, faster than the filter expects.

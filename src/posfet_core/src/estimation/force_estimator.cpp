@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -283,6 +284,7 @@ void ForceEstimator::start(const double* charge) {
   recent_force_.fill(0.0);
   negative_.reset();
   unexplained_.reset();
+  release_.restart();
   integration_->block().started = true;
   rest_.start(values_.data());
   integration_->watch_none();
@@ -370,12 +372,7 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
   if (find_unreleased(block.listed, lost)) {
     listed_contacts.push_back(&lost);
   }
-  surroundings_.dilate(lower_bound_.mask(), chosen_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    // Those touched since before an interruption have a force that is unknown: not none, whatever the signal says.
-    const bool suspected = unexplained_.rising()[taxel] || chosen_[taxel];
-    block.touched[taxel] = block.listed[taxel] || (suspected && offset_known()[taxel]);
-  }
+  find_touched(block);
   measure(block);
   const bool any_listed = block.listed.any();
   observe_rest(any_listed);
@@ -386,10 +383,14 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
   }
   bool begun = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    begun = begun || (block.touched[taxel] && !touched_[taxel] && !beside_[taxel]);
+    // Beside a contact forces were small ones, and no zeros.
+    const bool was_small = beside_[taxel] && listed_.any();
+    begun = begun || (block.touched[taxel] && !touched_[taxel] && !was_small);
   }
   if (begun) {
     process_again(block.touched);
+    filter_.predicted(block.response.data(), values_.data());
+    std::transform(block.mean.begin(), block.mean.end(), values_.begin(), mean_.begin(), std::minus<>());
   } else {
     step(blocks_.size() - 1);
   }
@@ -402,6 +403,25 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
   touched_.set(block.touched.data());
   surroundings_.dilate(touched_, beside_);
   finish(block);
+}
+
+/// Find the taxels whose force is not known to be none or small: those in contact, those that a touch may have begun
+/// on, and those that were touched and have not been still since.
+void ForceEstimator::find_touched(Block& block) {
+  // Those touched since before an interruption have a force that is unknown: not none, whatever the signal says. Until
+  // a contact is listed, a wide object presses more taxels than those whose residual is beyond its noise.
+  const bool begins = !block.listed.any();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    odd_[taxel] = lower_bound_.mask()[taxel] || (begins && unexplained_.rising()[taxel]);
+  }
+  surroundings_.dilate(odd_, chosen_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double mean = state().sum[taxel] / integration_->block().scans;
+    const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
+    const bool moving = touched_[taxel] && !release_.has_left(taxel, mean, noise);
+    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving;
+    block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
+  }
 }
 
 /// Add to the listed taxels those of a contact with the whole array that became uncertain, and was not released; they

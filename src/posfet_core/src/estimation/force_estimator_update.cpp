@@ -222,7 +222,9 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
     return;
   }
   filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
-  const double kelvin = uniform_.temperature(residual_.data(), judged_.data(), deviation_.data(), own_deviation_.data(),
+  // While a contact grows, the rest of a wide object rises like a warmer film.
+  const TaxelFlags& telling = listed ? zeros_ : judged_;
+  const double kelvin = uniform_.temperature(residual_.data(), telling.data(), deviation_.data(), own_deviation_.data(),
                                              block.duration, listed);
   if (kelvin == 0.0) {
     return;

@@ -110,6 +110,15 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
   return any;
 }
 
+bool ReleaseDetector::has_left(std::size_t taxel, double mean, double noise) const {
+  if (seen_ < means_.size()) {
+    return true;
+  }
+  const auto& before = means_[(seen_ - 1 - kReleasedBlocks) % means_.size()];
+  const double moved = std::abs(means_[(seen_ - 1) % means_.size()][taxel] - before[taxel]);
+  return mean < -kGate * noise || moved < kGate * noise + kResidualMotion * peak_[taxel];
+}
+
 bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, const double* variance,
                                      double noise) const {
   if (seen_ < means_.size() || contact.empty()) {

@@ -337,7 +337,16 @@ void bind_release(const py::module_& module) {
             return array_of(released);
           },
           py::arg("contacts"), py::arg("mean"), py::arg("touched"), py::arg("variance"), py::arg("noise"),
-          "Process a block; return the taxels of released contacts.");
+          "Process a block; return the taxels of released contacts.")
+      .def(
+          "has_left",
+          [](const ReleaseDetector& detector, std::size_t taxel, double mean, double noise) {
+            if (taxel >= detector.taxels()) {
+              throw std::invalid_argument("taxel must be one of the array");
+            }
+            return detector.has_left(taxel, mean, noise);
+          },
+          py::arg("taxel"), py::arg("mean"), py::arg("noise"), "Return whether nothing touches a taxel any more.");
   bound.attr("STILL_BLOCKS") = ReleaseDetector::kStillBlocks;
   bound.attr("RELEASED_BLOCKS") = ReleaseDetector::kReleasedBlocks;
   bound.attr("RELEASED_SHARE") = ReleaseDetector::kReleasedShare;

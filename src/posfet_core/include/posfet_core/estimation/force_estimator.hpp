@@ -167,6 +167,7 @@ private:
   void start_block();
   void restart(const TaxelFlags& where);
 
+  void find_touched(Block& block);
   bool find_unreleased(TaxelFlags& listed, Taxels& lost) const;
   void measure(Block& block);
   void measure_touch(Block& block);

@@ -109,6 +109,14 @@ public:
   bool update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched, const double* variance,
               double noise, bool* released);
 
+  /// Whether nothing touches a taxel that was touched, and is in no contact: its force has hardly changed in the last
+  /// blocks, against the standard deviation of a mean [N] and its recent peak, or the `mean` of the block that comes
+  /// next [N] is below zero, as no object pulls.
+  bool has_left(std::size_t taxel, double mean, double noise) const;
+
+  /// Forget the last blocks: an unknown time has passed since.
+  void restart() { seen_ = 0; }
+
 private:
   bool looks_released(const Taxels& contact, const double* mean, const double* variance, double noise) const;
 
