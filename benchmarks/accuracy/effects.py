@@ -24,6 +24,7 @@ import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.contact.indenters import Sphere
@@ -89,6 +90,8 @@ WHILE_WARMING: Final = (
 )
 """Effects that show only while the temperature changes."""
 
+AT_START: Final = "contact_at_power_on"
+
 CONTACTS: Final = (
     "flat_pad_fast",
     "flat_pad_slow",
@@ -99,7 +102,7 @@ CONTACTS: Final = (
     "stick_slip",
     "tap_1ms",
     "slow_press",
-    "contact_at_power_on",
+    AT_START,
     "overload",
 )
 """Scenes of one kind of contact each."""
@@ -149,6 +152,8 @@ class Case:
     """Rate of the chip temperature from 1 s on [K/s]."""
     stand: ErrorModel | None = None
     """The board on its calibration stand; None: the same."""
+    settings: ReconstructionSettings | None = None
+    """Settings of the reconstruction; None: the defaults."""
 
     def play(self) -> tuple[Scene, float]:
         """Return the scene, which plays once, and its duration with a rest at the end [s]."""
@@ -231,11 +236,15 @@ def together(boards: int) -> list[Case]:
 
 
 def by_contact(boards: int, scenes: Sequence[str]) -> list[Case]:
-    """Return the cases of scenes without the effects and with all of them at moderate size."""
-    sensor = load_sensor()
+    """Return the cases of scenes without the effects and with all of them at moderate size.
+
+    Where something touches at the start, also with the parameter that says so.
+    """
+    sensor, informed = load_sensor(), ReconstructionSettings(touch_at_start=True)
     return [
-        Case(f"`{scene}`, {name}", board, load_scene(scene, sensor), boards)
+        Case(f"`{scene}`{title}, {name}", board, load_scene(scene, sensor), boards, settings=settings)
         for scene in scenes
+        for title, settings in (("", None), *([(", `touch_at_start`", informed)] if scene == AT_START else []))
         for name, board in (("none", BOARD), ("all, moderate", BOARD.with_realism(MODERATE)))
     ]
 
@@ -260,7 +269,7 @@ def run(case: Case, seed: int) -> Run:
         if after > before:
             wrong = f"residual {1e3 * after:.0f} mN, with nominal parameters {1e3 * before:.0f} mN"
     scene, duration = case.play()
-    model, scorer = Reconstructor(sensor, calibration), Scorer(sensor)
+    model, scorer = Reconstructor(sensor, calibration, case.settings), Scorer(sensor)
     for number, (scan, truth) in enumerate(received_scans(sensor, scene, duration, seed, case.board)):
         result = model.process(scan)
         if number % EVERY == 0 and result.accepted:
@@ -330,7 +339,9 @@ board, on a stand where it has none of the effects, so that what the estimator d
 calibration does."""
 
 CONTACTS_TEXT: Final = """\
-Each scene without the effects ("none": the default board) and with all of them at moderate size."""
+Each scene without the effects ("none": the default board) and with all of them at moderate size. A force that is there
+at power-on is not seen until it is released: by default the array is assumed to be untouched then. With the parameter
+`touch_at_start` data is not valid until the release."""
 
 HOLDS_TEXT: Final = """\
 The same for a force of 2 N that is held for 10 s, a minute, and, with FULL=1 only, five minutes."""

@@ -42,6 +42,7 @@ class Reconstructor:
     def __init__(self, sensor: Sensor, calibration: Calibration, settings: ReconstructionSettings) -> None:
         layout, noise, self._sensor = sensor.layout, force_noise_rms(sensor), sensor
         self.estimator = ForceEstimator(sensor, settings.priors, calibration, settings.max_relative_uncertainty)
+        self.estimator.touch_at_start = settings.touch_at_start
         self.faults = TaxelFaultDetector(sensor, known_dead=calibration.dead)
         offset = calibration.offset * charge_per_newton(sensor) / sensor.volts_per_newton
         self._rates, self._noise = {True: sensor.can.scan_rate, False: 0.0}, noise * charge_per_newton(sensor)
@@ -85,6 +86,7 @@ class Reconstructor:
         if settings.hum_removal != before.hum_removal:
             self.hum = self.path.hum = self._make_hum()
         self.estimator.max_relative_uncertainty = settings.max_relative_uncertainty
+        self.estimator.touch_at_start = settings.touch_at_start
         self.path.finder.set_thresholds(settings.contact or self._sensor.contact)
         self._set_thresholds()
 

@@ -460,6 +460,7 @@ class ForceErrorFilter:
 
 class ForceEstimator:
     max_relative_uncertainty: float
+    touch_at_start: bool
     def __init__(
         self,
         *,

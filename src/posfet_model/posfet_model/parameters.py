@@ -264,6 +264,13 @@ RELEASE_THRESHOLD: Final = Parameter(
 HUM_REMOVAL: Final = Parameter(
     "hum_removal", True, "Estimate mains hum and subtract it from all signals", read_only=False
 )
+TOUCH_AT_START: Final = Parameter(
+    "touch_at_start",
+    False,
+    "Something may touch the array when the model starts: data is not valid until a release, or a tare with `force`, "
+    "shows what no force is",
+    read_only=False,
+)
 DISPLAY_RATE: Final = Parameter(
     "display_rate",
     30.0,
@@ -273,7 +280,7 @@ DISPLAY_RATE: Final = Parameter(
     high=10_000.0,
     read_only=False,
 )
-TUNING: Final = (CONTACT_THRESHOLD, RELEASE_THRESHOLD, HUM_REMOVAL, DISPLAY_RATE)
+TUNING: Final = (CONTACT_THRESHOLD, RELEASE_THRESHOLD, TOUCH_AT_START, HUM_REMOVAL, DISPLAY_RATE)
 """Parameters of the model that may change while it runs, besides `max_relative_uncertainty`."""
 SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signals come from a simulated board")
 

@@ -275,6 +275,32 @@ def test_the_forces_are_valid_up_to_the_relative_uncertainty_that_is_asked_for()
     assert not any(held(1e-3))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_touch_since_before_the_start_is_not_valid_until_its_release_and_leaves_no_force(seed: int) -> None:
+    def one(time: float) -> float:
+        return 1.0 - press(1.0, 2.0, 60.0, rise=0.2)(time) + press(1.0, 4.0, 60.0, rise=0.2)(time)
+
+    watch, errors = Watch(), []
+    watch.estimator.touch_at_start = True
+    for time, scan in scans(SENSOR, 4.6, force=one, shape=PATCH, rate=500.0, seed=seed):
+        errors.append(watch.process(time, scan).sum() - one(time))
+    assert not any(watch.valid[:1050])
+    assert all(watch.valid[1400:1900])
+    assert np.abs(errors[1400:1900]).max() < 0.05
+    assert np.abs(errors[2200:]).max() < 0.1
+
+
+def test_a_forced_tare_says_that_nothing_touches() -> None:
+    watch = Watch()
+    watch.estimator.touch_at_start = True
+    for time, scan in scans(SENSOR, 1.5):
+        watch.process(time, scan)
+        if round(1000 * time) == 1000:
+            watch.estimator.tare(True)
+    assert not any(watch.valid[:1000])
+    assert all(watch.valid[1050:])
+
+
 def test_the_relative_uncertainty_does_not_matter_at_rest() -> None:
     watch = Watch(max_relative_uncertainty=1e-3)
     history(watch, SENSOR, 1.5)

@@ -127,6 +127,9 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
+COOLING: Final = 3.0
+"""Time for which taxels cool after the release of what touched since before the start [warmth time constant]."""
+
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
@@ -198,6 +201,10 @@ class ForceEstimator:
         Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
         are not valid [1].
     """
+
+    touch_at_start: bool = False
+    """Whether forces are not valid until a release or a forced tare shows what no force is; may change."""
+    _zero_known: bool = False
 
     def __init__(
         self,
@@ -285,7 +292,7 @@ class ForceEstimator:
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._usual_offset = np.zeros((2, taxels))
+        self._untouched_time, self._usual_offset, self._cooling = np.zeros((3, taxels))
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -406,6 +413,7 @@ class ForceEstimator:
         self._blocks.clear()
         self._drop_hypothesis()
         if forced:
+            self._zero_known = True
             self._lower_bound.mask[:] = False
             self._unexplained.reset()
             self._touch.reset()
@@ -601,7 +609,7 @@ class ForceEstimator:
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second**2)
         grown += self._jumped
-        grown += self._jumps.variance(span)
+        grown += self._jumps.variance(span) + self._cooling_noise(span)
         tail_moved = 0.0
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
@@ -742,6 +750,8 @@ class ForceEstimator:
                 residual, sensitivity, deviation = f.innovation(measured, response, noise)
                 own = f.own_deviation(deviation, sensitivity, noise)
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
+        # Of a release, some blocks look like a film that cools.
+        odd |= (self._unexplained.below > 0.0) & (residual < -self._threshold)
         f.update(where & ~odd, residual, sensitivity, noise)
         faulty = self.ignored & self.offset_known & ~block.listed
         if any_true(faulty):
@@ -803,7 +813,18 @@ class ForceEstimator:
             odd & self.offset_known, residual, block.mean, np.sqrt(block.noise), block.duration
         )
         if errors is not None and errors.any():
-            self.belief.own[errors, 0, 0] += residual[errors] ** 2
+            belief, below = self.belief, residual < -self._threshold
+            if any_true(errors & below):
+                # What touched since before the start, on these taxels or beside, was released.
+                released = odd & self.offset_known & below
+                belief.error[released, 0] += residual[released]
+                belief.forget(released, 0)
+                belief.own[released, 0, 0] = block.noise[released]
+                errors &= ~released
+                self._cooling[self._surroundings.dilated(released)] = COOLING * self._priors.warmth_time
+                self._zero_known = True
+                self._blocks.clear()  # to process them again would undo it
+            belief.own[errors, 0, 0] += residual[errors] ** 2
 
     def _set_zero(self, where: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels."""
@@ -882,6 +903,13 @@ class ForceEstimator:
             return float(shared[Shared.CHIP] - shared[Shared.FILM]) / self._film_lag
         return float(shared[Shared.RATE])
 
+    def _cooling_noise(self, span: float) -> Array:
+        """Return the variance that the errors of taxels gain as they cool after a touch that was not known [N2]."""
+        p, cooling = self._priors, self._cooling > 0.0
+        self._cooling -= cooling * span
+        noise: Array = cooling * (p.warmth_mean * self._per_kelvin) ** 2 * (span / p.warmth_time)
+        return noise
+
     def _follow_usual(self, block: Block) -> None:
         """Follow the errors of the forces and their offsets slowly, where nothing touches.
 
@@ -930,6 +958,8 @@ class ForceEstimator:
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
         hidden = self._unexplained.rising & self.ignored & self.informative
         missing = float(self._mean.sum(where=hidden))
+        if self.touch_at_start and not self._zero_known:
+            return False
         if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
             return False
         if missing > LEAST_DEVIATION * self._threshold:

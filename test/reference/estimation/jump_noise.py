@@ -76,9 +76,10 @@ class JumpNoise:
         """
         self._time += np.where(where, duration, 0.0)
         square = change * change
-        # A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
-        # twice.
+        # A rise may be a touch that is too weak to be listed, and falls of several taxels the release of one that was
+        # there at the start. Levels are left as often as they are taken: falls count twice.
         falls = where & (change < 0.0) & (square > 2.0 * STEP * STEP * noise)
+        falls &= np.count_nonzero(falls) == 1
         if not (self._any or falls.any() or step.any()):
             return
         self._any = True

@@ -110,10 +110,11 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,       &mean_,     &last_mean_,          &steady_,    &usual_,         &untouched_time_,
-           &usual_offset_, &tail_,     &touch_force_,        &warmth_,    &own_,           &measured_,
-           &noise_,        &residual_, &untouched_variance_, &deviation_, &own_deviation_, &leaked_share_,
-           &values_,
+           &leaked_,    &mean_,           &last_mean_,    &steady_,
+           &usual_,     &untouched_time_, &usual_offset_, &cooling_,
+           &tail_,      &touch_force_,    &warmth_,       &own_,
+           &measured_,  &noise_,          &residual_,     &untouched_variance_,
+           &deviation_, &own_deviation_,  &leaked_share_, &values_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -234,6 +235,7 @@ void ForceEstimator::tare(bool forced, double* change) {
   blocks_.clear();
   drop_hypothesis();
   if (forced) {
+    zero_known_ = true;
     lower_bound_.clear();
     unexplained_.reset();
     touch_.reset();

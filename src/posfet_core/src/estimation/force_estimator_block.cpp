@@ -130,6 +130,10 @@ void ForceEstimator::measure_process_noise(Block& block) {
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
     double& grown = own[own_at(kForceError, kForceError)];
     grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + jumps_.variance(taxel, block.span);
+    if (cooling_[taxel] > 0.0) {
+      grown += square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]) * block.span / priors_.warmth_time;
+      cooling_[taxel] -= block.span;
+    }
     if (touch) {
       grown += square(priors_.motion) * changed_square(held, touch_force_[taxel]);
       own[own_at(kSmallForce, kSmallForce)] =

@@ -143,7 +143,9 @@ bool ForceEstimator::is_valid() {
   }
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
-  if (recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_ || missing > kLeastDeviation * array_.threshold) {
+  const bool unknown_zero = touch_at_start && !zero_known_;
+  if (unknown_zero || recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_ ||
+      missing > kLeastDeviation * array_.threshold) {
     return false;
   }
   return !any_touched || is_certain();

@@ -21,6 +21,9 @@ namespace posfet {
 
 namespace {
 
+/// Time for which taxels cool after the release of what touched since before the start [warmth time constant].
+constexpr double kCooling = 3.0;
+
 /// Factor on the prior deviation of the residual charge after that prior was rejected [1].
 constexpr double kRejected = 3.0;
 
@@ -140,6 +143,8 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   }
   explain_by_temperature(index);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    // Of a release, some blocks look like a film that cools.
+    odd_[taxel] = odd_[taxel] || (unexplained_.below()[taxel] > 0.0 && residual_[taxel] < -array_.threshold);
     zeros_[taxel] = zeros_[taxel] && !odd_[taxel];
   }
   filter_.update(zeros_.data(), residual_.data(), sensitivity_.data(), noise_.data());
@@ -331,11 +336,43 @@ void ForceEstimator::restart_or_correct(const Block& block) {
   }
   restart(chosen_);
   unexplained_.update(odd_.data(), residual_.data(), block.mean.data(), values_.data(), block.duration, chosen_.data());
+  find_released();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (chosen_[taxel]) {
+    if (chosen_[taxel] && !zeros_[taxel]) {
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(residual_[taxel]);
     }
   }
+  if (zeros_.any()) {
+    reset_released(block);
+  }
+}
+
+/// Find the taxels below zero, `zeros_`, where one of them has been so for long enough: what touched since before the
+/// start was released.
+void ForceEstimator::find_released() {
+  bool released = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    zeros_[taxel] = odd_[taxel] && residual_[taxel] < -array_.threshold;
+    released = released || (chosen_[taxel] && zeros_[taxel]);
+  }
+  if (!released) {
+    zeros_.fill(false);
+  }
+}
+
+/// Set the forces of these taxels to zero. They and those beside them cool from then on.
+void ForceEstimator::reset_released(const Block& block) {
+  surroundings_.dilate(zeros_, chosen_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    cooling_[taxel] = chosen_[taxel] ? kCooling * priors_.warmth_time : cooling_[taxel];
+    if (zeros_[taxel]) {
+      belief()->error_of(taxel)[kForceError] += residual_[taxel];
+      belief()->forget(taxel, kForceError);
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] = block.noise[taxel];
+    }
+  }
+  zero_known_ = true;
+  blocks_.clear();  // to process them again would undo it
 }
 
 /// Set the forces of released contacts to zero.

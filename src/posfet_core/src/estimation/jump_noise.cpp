@@ -19,15 +19,22 @@ JumpNoise::JumpNoise(std::vector<double> time_constant)
 
 void JumpNoise::observe(const bool* where, const double* step, const double* change, const double* noise,
                         double duration) {
+  const auto falls = [&](std::size_t taxel) {
+    return where[taxel] && change[taxel] < 0.0 && square(change[taxel]) > 2.0 * kStep * kStep * noise[taxel];
+  };
+  std::size_t falling = 0;
+  for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
+    falling += falls(taxel) ? 1 : 0;
+  }
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
     if (!where[taxel]) {
       continue;
     }
     time_[taxel] += duration;
     double seen = square(step[taxel]);
-    // A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
-    // twice.
-    if (seen == 0.0 && change[taxel] < 0.0 && square(change[taxel]) > 2.0 * kStep * kStep * noise[taxel]) {
+    // A rise may be a touch that is too weak to be listed, and falls of several taxels the release of one that was
+    // there at the start. Levels are left as often as they are taken: falls count twice.
+    if (seen == 0.0 && falling == 1 && falls(taxel)) {
       seen = 2.0 * square(change[taxel]);
     }
     const double rate = seen / kStepSeen / duration;

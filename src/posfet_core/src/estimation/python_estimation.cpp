@@ -384,7 +384,9 @@ void bind_estimator(const py::module_& module) {
           [](const py::object& self) { return view_of(self.cast<ForceEstimator&>().informative(), self); },
           "Faulty taxels that still show a touch; set by the caller.")
       .def_readwrite("max_relative_uncertainty", &ForceEstimator::max_relative_uncertainty,
-                     "Standard deviation of the total force over that force above which forces are not valid.");
+                     "Standard deviation of the total force over that force above which forces are not valid.")
+      .def_readwrite("touch_at_start", &ForceEstimator::touch_at_start,
+                     "Whether forces are not valid until a release or a forced tare.");
   for (const char* name : {"force", "offset_known", "ignored", "change", "correlated_error"}) {
     bound.def_property_readonly(
         name, [name](const py::object& self) -> py::object { return self.attr("integration").attr(name); },

@@ -189,6 +189,7 @@ class Reconstructor:
         """Properties of each taxel in use."""
         self._clock = ScanClock(sensor)
         self._estimator = ForceEstimator(sensor, settings.priors, self.calibration, settings.max_relative_uncertainty)
+        self._estimator.touch_at_start = settings.touch_at_start
         noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._sensor, self._noise, self._settings = sensor, noise, settings
@@ -379,6 +380,7 @@ class Reconstructor:
             self._hum = self._make_hum(settings)
             self._block_end.set_hum(self._hum)
         self._estimator.max_relative_uncertainty = settings.max_relative_uncertainty
+        self._estimator.touch_at_start = settings.touch_at_start
         self._block_end.detects_faults = settings.fault_detection
         self._finder.set_thresholds(settings.contact or self._sensor.contact)
         self._block_end.set_thresholds()

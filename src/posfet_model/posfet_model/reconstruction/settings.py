@@ -24,6 +24,9 @@ class ReconstructionSettings:
     """Standard deviations of the force errors; None: the defaults."""
     max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY
     """Standard deviation of the total force over that force above which the forces are not valid [1]."""
+    touch_at_start: bool = False
+    """Whether something may touch the array at the start: forces are not valid until a release or a forced tare shows
+    what no force is."""
     contact: ContactThresholds | None = None
     """Thresholds of contacts; None: those of the sensor."""
     hum_removal: bool = True

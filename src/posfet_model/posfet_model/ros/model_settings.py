@@ -52,6 +52,7 @@ def reconstruction_settings(sensor: Sensor, parameters: Mapping[str, Any]) -> Re
     """
     return ReconstructionSettings(
         max_relative_uncertainty=parameters["max_relative_uncertainty"],
+        touch_at_start=parameters["touch_at_start"],
         hum_removal=parameters["hum_removal"],
         contact=contact_thresholds(sensor, parameters),
     )

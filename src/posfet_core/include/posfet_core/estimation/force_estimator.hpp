@@ -150,6 +150,10 @@ public:
   /// are not valid [1]; may change.
   double max_relative_uncertainty = kMaxRelativeUncertainty;
 
+  /// Whether something may touch the array when it starts: forces are not valid until a release or a forced tare shows
+  /// what no force is; may change.
+  bool touch_at_start = false;
+
 private:
   ForceIntegration::State& state() { return integration_->state(); }
   const ForceIntegration::State& state() const { return integration_->state(); }
@@ -196,6 +200,8 @@ private:
   UniformChange::Evidence evidence_of(const Block& block);
   void take_unheated(const Block& block);
   void restart_or_correct(const Block& block);
+  void find_released();
+  void reset_released(const Block& block);
   void release(const Block& block, const Vector<const Taxels*>& contacts);
   void end_unknown_touch(const Block& block);
 
@@ -254,6 +260,8 @@ private:
   std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
   std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
+  std::vector<double> cooling_;             ///< Time for which a taxel still cools whose touch was not known [s].
+  bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
   std::vector<double> warmth_;              ///< Squares of the relative warmth of the taxels [1].
