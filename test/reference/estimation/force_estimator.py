@@ -914,11 +914,12 @@ class ForceEstimator:
         """Follow the errors of the forces and their offsets slowly, where nothing touches.
 
         A press that grows too slowly to be seen moves both: its beginning is absorbed, and so is its growth, as an
-        offset.
+        offset. What a film that warms makes of them is known as far as the taxel's response is.
         """
         error, offset = self.belief.error[:, 0], self.belief.error[:, 1]
         self._untouched_time = np.where(self._listed, 0.0, self._untouched_time)
         self._usual += block.duration * (self._offset() + self._usual_offset - offset) * self._per_second
+        self._usual += self._per_kelvin * (self._film_rate() * block.duration) * self.belief.error[:, 3]
         self._untouched_time += block.duration * ~self._beside
         # Twice as fast as their age: what was estimated early, and so less well, is soon forgotten.
         share = 2.0 * block.duration / np.clip(self._untouched_time, 2.0 * block.duration, ABSORBED_TIME)

@@ -64,15 +64,18 @@ void ForceEstimator::finish(const Block& block) {
 }
 
 /// Follow the errors of the forces and their offsets slowly, where nothing touches. A press that grows too slowly to be
-/// seen moves both: its beginning is absorbed, and so is its growth, as an offset.
+/// seen moves both: its beginning is absorbed, and so is its growth, as an offset. What a film that warms makes of them
+/// is known as far as the taxel's response is.
 void ForceEstimator::follow_usual(const Block& block) {
+  const double warming = film_rate() * block.duration;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* error = belief()->error_of(taxel);
     if (listed_[taxel]) {
       untouched_time_[taxel] = 0.0;
     }
     const double leaking = offset(taxel) + usual_offset_[taxel] - error[kOffset];
-    usual_[taxel] += block.duration * leaking * (1.0 / array_.time_constant[taxel]);
+    usual_[taxel] += block.duration * leaking * (1.0 / array_.time_constant[taxel]) +
+                     array_.newton_per_kelvin[taxel] * warming * error[kPyroelectric];
     if (beside_[taxel]) {
       continue;
     }
