@@ -102,7 +102,7 @@ class Reconstructor:
         estimator, faults, path = self.estimator, self.faults, self.path
         touched = path.finder.touched.copy()
         near = path.finder.dilated(touched, self._margin)
-        variance = estimator.variance(self._variance)
+        variance = estimator.steady_variance(self._variance)
         mean, charge = estimator.block_mean, estimator.residual_charge
         if not self._settings.fault_detection:
             faults.measure_noise(estimator.block_time, path.saturated, near)

@@ -86,6 +86,8 @@ def test_the_limit_of_uncertainty_overrides_the_parameter_file_where_it_is_given
     assert "max_relative_uncertainty" not in nodes(params_file)["model_node"].parameters
     given = nodes(params_file, "max_relative_uncertainty:=0.1")["model_node"].parameters
     assert given["max_relative_uncertainty"] == 0.1
+    assert "touch_at_start" not in given
+    assert nodes(params_file, "touch_at_start:=true")["model_node"].parameters["touch_at_start"] is True
 
 
 @pytest.mark.parametrize("value", ["0", "nan"])

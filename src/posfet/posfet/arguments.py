@@ -28,6 +28,7 @@ from posfet_model.parameters import (
     RELIABILITY,
     SENSOR_FILE,
     SERIAL,
+    TOUCH_AT_START,
     Parameter,
     Scalar,
 )
@@ -58,7 +59,15 @@ def _optional(parameter: Parameter) -> Parameter:
     )
 
 
-_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, MAX_RELATIVE, PARENT_FRAME, AUTOSTART, RELIABILITY)
+_OPTIONAL: Final = (
+    CALIBRATION_FILE,
+    CALIBRATION_FOLDER,
+    MAX_RELATIVE,
+    TOUCH_AT_START,
+    PARENT_FRAME,
+    AUTOSTART,
+    RELIABILITY,
+)
 """Parameters whose arguments are texts, since they may be left to the parameter file."""
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
@@ -81,6 +90,7 @@ ARGUMENTS: Final = (
     _optional(CALIBRATION_FILE),
     _optional(CALIBRATION_FOLDER),
     _optional(MAX_RELATIVE),
+    _optional(TOUCH_AT_START),
     FRAME_ID,
     _optional(PARENT_FRAME),
     MOUNT_POSE,

@@ -34,6 +34,7 @@ from posfet_model.parameters import (
     RELIABILITY,
     SENSOR,
     STANDARD,
+    TOUCH_AT_START,
     Scalar,
     default_frame,
 )
@@ -231,7 +232,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     model: dict[str, Scalar] = {"simulated": simulated, **_mount(arguments), **_calibration(arguments, sensor)}
     if model.get("parent_frame") == frame[FRAME_ID.name]:
         raise ConfigError(f"parent_frame: must not be the frame of the array itself, got '{model['parent_frame']}'")
-    model |= given_parameters(arguments, CALIBRATION_FOLDER, MAX_RELATIVE)
+    model |= given_parameters(arguments, CALIBRATION_FOLDER, MAX_RELATIVE, TOUCH_AT_START)
     nodes = [node("posfet_model", "model_node", model)]
     if source in SIMULATED:
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)

@@ -71,7 +71,7 @@ void BlockEnd::test_taxels(const Mask& near) {
   const bool* const saturated = path_->saturated().data();
   if (detects_faults) {
     estimator.block_mean(mean_.data());
-    estimator.variance(variance_.data());
+    estimator.steady_variance(variance_.data());
     estimator.residual_charge(charge_.data());
     const TestedBlock block{estimator.block_time(), mean_.data(), variance_.data(),
                             charge_.data(),         saturated,    estimator.offset_known().data()};

@@ -292,7 +292,7 @@ class ForceEstimator:
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._usual_offset, self._cooling = np.zeros((3, taxels))
+        self._untouched_time, self._usual_offset, self._cooling, self._stepped = np.zeros((4, taxels))
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -357,6 +357,19 @@ class ForceEstimator:
         """
         np.add(self._untouched_variance, self._noise_variance, out=out)
         return out
+
+    def steady_variance(self, out: Array) -> Array:
+        """Return in `out` that variance without what steps of the signals may have added since a touch began [N2].
+
+        Neighbours that feel nothing contradict such a signal, too.
+
+        Parameters
+        ----------
+        out : ndarray of float64, shape [rows * cols]
+            Overwritten by the result.
+        """
+        self.variance(out)
+        return np.maximum(out - self._stepped, self._noise_variance, out=out)
 
     def ignore(self, taxels: Mask) -> None:
         """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
@@ -609,7 +622,7 @@ class ForceEstimator:
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second**2)
         grown += self._jumped
-        grown += self._jumps.variance(span) + self._cooling_noise(span)
+        grown += self._step_noise(touched, span) + self._cooling_noise(span)
         tail_moved = 0.0
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
@@ -902,6 +915,12 @@ class ForceEstimator:
         if self._film_lag > 0.0:
             return float(shared[Shared.CHIP] - shared[Shared.FILM]) / self._film_lag
         return float(shared[Shared.RATE])
+
+    def _step_noise(self, touched: Mask, span: float) -> Array:
+        """Return the variance that steps of the signals add to the errors [N2]; what they add in a touch is known."""
+        stepped = self._jumps.variance(span)
+        self._stepped = np.where(touched, self._stepped + stepped, 0.0)
+        return stepped
 
     def _cooling_noise(self, span: float) -> Array:
         """Return the variance that the errors of taxels gain as they cool after a touch that was not known [N2]."""

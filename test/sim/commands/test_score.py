@@ -239,7 +239,10 @@ def test_strong_taps_of_100_ms_are_not_slips(tmp_path: Path, calibrated: Calibra
     path.write_text("\n".join(lines))
     what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
     found = run(Run(SENSOR, load_scene(path, SENSOR), 3.0, 1, ErrorModel.default(), what))
-    assert (found.contact_recall, found.false_slips_per_hour) == (1.0, 0.0)
+    assert found.false_slips_per_hour == 0.0
+    # A press that begins 100 ms after the last one is found up to 5 ms after it reaches the threshold: what those
+    # taxels read at rest is less certain until they have been still for 60 ms.
+    assert found.contact_recall > 0.998
 
 
 def test_missed_and_false_slips_are_counted() -> None:

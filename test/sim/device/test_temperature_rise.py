@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 import pytest
@@ -72,16 +71,9 @@ def test_warming_with_model_mismatch_causes_no_contact(kelvin_per_second: float,
         assert not reconstructor.process(scan).contacts
 
 
-COOLED: Final = "its four taxels alone do not tell cooling from a touch, until the next reading of the chip's sensors"
-
-
 @pytest.mark.parametrize(
     ("rows", "cols", "kelvin_per_second"),
-    [
-        *((*size, rate) for size in ((1, 1), (1, 2), (1, 7)) for rate in (-1.0, 1.0)),
-        (2, 2, 1.0),
-        pytest.param(2, 2, -1.0, marks=pytest.mark.xfail(strict=True, reason=COOLED)),
-    ],
+    [(*size, rate) for size in ((1, 1), (1, 2), (1, 7), (2, 2)) for rate in (-1.0, 1.0)],
 )
 def test_warming_of_a_small_array_causes_no_contact(rows: int, cols: int, kelvin_per_second: float) -> None:
     sensor = replace(SENSOR, layout=replace(SENSOR.layout, rows=rows, cols=cols))

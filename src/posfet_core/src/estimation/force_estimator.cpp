@@ -110,11 +110,27 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,    &mean_,           &last_mean_,    &steady_,
-           &usual_,     &untouched_time_, &usual_offset_, &cooling_,
-           &tail_,      &touch_force_,    &warmth_,       &own_,
-           &measured_,  &noise_,          &residual_,     &untouched_variance_,
-           &deviation_, &own_deviation_,  &leaked_share_, &values_,
+           &leaked_,
+           &mean_,
+           &last_mean_,
+           &steady_,
+           &usual_,
+           &stepped_,
+           &untouched_time_,
+           &usual_offset_,
+           &cooling_,
+           &tail_,
+           &touch_force_,
+           &warmth_,
+           &own_,
+           &measured_,
+           &noise_,
+           &residual_,
+           &untouched_variance_,
+           &deviation_,
+           &own_deviation_,
+           &leaked_share_,
+           &values_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -186,6 +202,13 @@ void ForceEstimator::force_variance(double* out) const {
 
 void ForceEstimator::variance(double* out) const {
   std::transform(untouched_variance_.begin(), untouched_variance_.end(), noise_variance_.begin(), out, std::plus<>());
+}
+
+void ForceEstimator::steady_variance(double* out) const {
+  variance(out);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    out[taxel] = std::max(out[taxel] - stepped_[taxel], noise_variance_[taxel]);
+  }
 }
 
 // What the caller changes.

@@ -129,7 +129,9 @@ void ForceEstimator::measure_process_noise(Block& block) {
     const double leaked = scans_square * square(1.0 / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
     double& grown = own[own_at(kForceError, kForceError)];
-    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + jumps_.variance(taxel, block.span);
+    const double stepped = jumps_.variance(taxel, block.span);
+    stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
+    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped;
     if (cooling_[taxel] > 0.0) {
       grown += square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]) * block.span / priors_.warmth_time;
       cooling_[taxel] -= block.span;

@@ -338,6 +338,8 @@ void bind_estimator_methods(BoundEstimator& bound) {
            "Return in `out` the variance of each force that it does not share with others [N2].")
       .def("variance", &find_into<&ForceEstimator::variance>, py::arg("out").noconvert(),
            "Return in `out` the variance that each force would have without a touch [N2].")
+      .def("steady_variance", &find_into<&ForceEstimator::steady_variance>, py::arg("out").noconvert(),
+           "Return in `out` that variance without what steps of the signals may have added since a touch began [N2].")
       .def(
           "tare",
           [](ForceEstimator& estimator, bool forced) {

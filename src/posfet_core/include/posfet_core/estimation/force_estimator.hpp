@@ -140,6 +140,10 @@ public:
   /// Find the variance that each force would have without a touch [N2]: without leaked charge, creep and warmth.
   void variance(double* out) const;
 
+  /// Find that variance without what steps of the signals may have added since a touch began [N2]: neighbours that feel
+  /// nothing contradict such a signal, too.
+  void steady_variance(double* out) const;
+
   /// Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time. `forced`: forces
   /// may be applied; those of the newest scan are set to zero, and none remains a lower bound. Otherwise the mean
   /// forces of the last block are set to zero, which have less noise. The correction that was added to each force is
@@ -257,6 +261,7 @@ private:
   std::vector<double> mean_;                ///< Mean force of the last block [N].
   std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
+  std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
   std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
   std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
