@@ -68,8 +68,8 @@ std::size_t allocations_of_touches(Board& board, bool blocks, std::size_t& most)
   const std::size_t round = blocks ? 4 * kRound : kRound;
   const std::vector<double> variance(board.counts.size(), kNoise * kNoise);
   std::size_t begin = 0;
-  for (std::size_t index = 0; index < 8 * round; ++index) {
-    if (index == 6 * round) {
+  for (std::size_t index = 0; index < 16 * round; ++index) {
+    if (index == 12 * round) {
       begin = allocations;
     }
     board.next(1000);
