@@ -330,7 +330,9 @@ A parameter of the device deviates from the model and the calibration. For each 
 for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is that of the scene itself.
 The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), also a mean.
 An error of d33 scales all forces, and is observable only with a reference force:
-a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all others."""
+a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all others.
+Forces count while they are valid. Where that is so at the weak beginning of a touch alone, the error is relative to
+next to nothing: on one board with a pyroelectric coefficient that differs by 20 %, most of the touch is not valid."""
     return [text, "", *mismatch_rows(found), "", f"![Total force error against mismatch](figures/{FIGURE}.svg)"]
 
 
