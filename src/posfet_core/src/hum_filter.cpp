@@ -14,8 +14,6 @@
 
 namespace posfet {
 
-namespace {}  // namespace
-
 HumFilter::HumFilter(std::size_t taxels, std::size_t scans)
     : taxels_(taxels), parts_(2 * taxels, 0.0), window_(scans * taxels, 0.0), times_(scans, 0.0) {
   state_.sampling = scans > 0;

@@ -16,7 +16,7 @@ namespace {
 /// Add to the first row and column of a covariance of the taxel those of another state, `share` times.
 void add_to_force_error(double* own, std::size_t state, double share) {
   for (std::size_t column = 0; column < kOwnStates; ++column) {
-    own[column] += share * own[state * kOwnStates + column];
+    own[column] += share * own[own_at(state, column)];
   }
   for (std::size_t row = 0; row < kOwnStates; ++row) {
     own[row * kOwnStates] += share * own[row * kOwnStates + state];
@@ -96,7 +96,7 @@ void Belief::respond(const double* expected) {
 
 void Belief::forget_small_forces(const bool* where) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (where[taxel] && own_of(taxel)[kSmallForce * kOwnStates + kSmallForce] > 0.0) {
+    if (where[taxel] && own_of(taxel)[own_at(kSmallForce, kSmallForce)] > 0.0) {
       error_of(taxel)[kSmallForce] = 0.0;
       forget(taxel, kSmallForce);
     }
@@ -107,7 +107,7 @@ void Belief::forget(std::size_t taxel, std::size_t state) {
   std::fill_n(slope_of(taxel, state), states(), 0.0);
   double* covariance = own_of(taxel);
   for (std::size_t other = 0; other < kOwnStates; ++other) {
-    covariance[state * kOwnStates + other] = covariance[other * kOwnStates + state] = 0.0;
+    covariance[own_at(state, other)] = covariance[own_at(other, state)] = 0.0;
   }
 }
 

@@ -18,12 +18,6 @@
 
 namespace posfet {
 
-namespace {
-
-constexpr std::size_t at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
-
-}  // namespace
-
 /// How a taxel's errors follow from a residual of its force.
 struct ForceErrorFilter::Gain {
   std::array<double, kOwnStates> own;  ///< Covariance of the errors with the residual [N2].
@@ -124,8 +118,8 @@ void ForceErrorFilter::regress(std::size_t taxel) {
     multiply(b.slope_of(taxel, row), unexplained_.data(), row_.data(), 1, states, states);
     for (std::size_t other = 0; other <= one; ++other) {
       const std::size_t column = regressed[other];
-      own[at(row, column)] += dot(row_.data(), b.slope_of(taxel, column), states);
-      own[column * kOwnStates + row] = own[at(row, column)];
+      own[own_at(row, column)] += dot(row_.data(), b.slope_of(taxel, column), states);
+      own[column * kOwnStates + row] = own[own_at(row, column)];
     }
   }
   for (std::size_t one = 0; one < count; ++one) {
@@ -152,8 +146,8 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     residual[taxel] = measured[taxel] - residual[taxel] - b.error_of(taxel)[kSmallForce];
     const double* own = b.own_of(taxel);
-    const double alone =
-        own[at(kForceError, kForceError)] + 2.0 * own[at(kForceError, kSmallForce)] + own[at(kSmallForce, kSmallForce)];
+    const double alone = own[own_at(kForceError, kForceError)] + 2.0 * own[own_at(kForceError, kSmallForce)] +
+                         own[own_at(kSmallForce, kSmallForce)];
     deviation[taxel] = std::sqrt(std::max(alone, 0.0) + noise[taxel] + deviation[taxel]);
   }
 }
@@ -187,7 +181,7 @@ ForceErrorFilter::Gain ForceErrorFilter::gain_of(std::size_t taxel, double noise
   const double* own = belief_->own_of(taxel);
   Gain gain{};
   for (std::size_t state = 0; state < kOwnStates; ++state) {
-    gain.own[state] = own[state * kOwnStates + kForceError] + own[state * kOwnStates + kSmallForce];
+    gain.own[state] = own[own_at(state, kForceError)] + own[own_at(state, kSmallForce)];
   }
   gain.weight = 1.0 / (gain.own[kForceError] + gain.own[kSmallForce] + noise);
   return gain;
@@ -278,7 +272,7 @@ void ForceErrorFilter::update_own(std::size_t taxel, const Gain& gain, double re
       slope[shared] -= factor * sensitivity[shared];
     }
     for (std::size_t other = 0; other < kOwnStates; ++other) {
-      own[state * kOwnStates + other] -= factor * gain.own[other];
+      own[own_at(state, other)] -= factor * gain.own[other];
     }
   }
 }
@@ -377,7 +371,7 @@ void ForceErrorFilter::covariance_root(const double* response, double* own, doub
       row[state] = response[taxel * states + state] + force_error[state];
     }
     multiply(row.data(), root.data(), factor + taxel * states, 1, states, states);
-    own[taxel] = std::max(b.own_of(taxel)[at(kForceError, kForceError)], 0.0);
+    own[taxel] = std::max(b.own_of(taxel)[own_at(kForceError, kForceError)], 0.0);
   }
 }
 

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "force_estimator_constants.hpp"
-#include "posfet_core/medians.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
