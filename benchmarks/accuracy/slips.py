@@ -31,7 +31,8 @@ from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.evaluation.scorer import Score
 from posfet_sim.scene import Keyframes, Scene, SceneObject
-from posfet_sim.scene.trajectories import Path, RandomMotion, Stroke
+from posfet_sim.scene.keyframes import Path
+from posfet_sim.scene.trajectories import RandomMotion, Stroke
 
 SPEEDS: Final = (5e-3, 12e-3, 20e-3, 50e-3)
 """Speeds of the slips [m/s]."""

@@ -17,7 +17,7 @@ from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.simulation.runs import NONE, SENSOR, SHIPPED, run
 from posfet_model.parameters import DISPLAY_RATE
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.ros.conversions import ForceImageMessage, ImageMessage, PointsMessage
+from posfet_model.ros.map_messages import ForceImageMessage, ImageMessage, PointsMessage
 from posfet_model.ros.wrench_messages import WrenchMessage
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard

@@ -21,6 +21,7 @@ pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from posfet.display_node import display_node
 from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
 from posfet_driver.ros.driver_node import DriverNode
@@ -60,9 +61,8 @@ def nodes(request: pytest.FixtureRequest) -> Iterator[list[Node]]:
 
 
 def make_view() -> list[Node]:
-    client = StackClient("tactile")
-    client.follow()
-    return [client, ViewNode(client)]
+    node = display_node("tactile")
+    return [node, ViewNode(StackClient(node, "tactile"))]
 
 
 def make_replay(parameter_overrides: list[Parameter], **arguments: Any) -> Node:

@@ -26,9 +26,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from posfet.array_view import array_view
 from posfet.diagnosis import diagnosis
+from posfet.display_node import display_node
 from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
-from posfet_model.ros.conversions import info_message
+from posfet_model.ros.info_message import info_message
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.surface import Surface
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileTruth
@@ -73,11 +74,10 @@ class Stack:
         self.topics = {topic: self.node.create_publisher(kind, f"view/{topic}", 100) for topic, kind in kinds.items()}
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.node.create_service(Tare, "tare", self.tare)
-        self.client = StackClient("tactile")
-        self.client.follow()
+        self.client = StackClient(display_node("tactile"), "tactile")
         self.view = ViewNode(self.client)
         self.executor = SingleThreadedExecutor()
-        for node in (self.node, self.client):
+        for node in (self.node, self.client.node):
             self.executor.add_node(node)
 
     def tare(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
@@ -123,7 +123,7 @@ def stack() -> Iterator[Stack]:
     made.wait(lambda: all(topic.get_subscription_count() for topic in made.topics.values()))
     yield made
     made.executor.shutdown()
-    for node in (made.view, made.client, made.node):
+    for node in (made.view, made.client.node, made.node):
         node.destroy_node()
     rclpy.shutdown()
 

@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("ament_index_python", reason="needs ROS 2")
 
 from posfet import bringup
+from posfet.ros_arguments import RosArguments
 from posfet.web.options import web_words
 from posfet_model.config import ConfigError
 
@@ -34,12 +35,16 @@ def test_options_may_stand_between_arguments(
     words: list[str], web_port: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs: list[tuple[object, ...]] = []
-    runner = SimpleNamespace(run=lambda *arguments: runs.append(arguments) or 7)
+
+    def run(arguments: dict[str, str], _: RosArguments, seconds: float, port: int | None) -> int:
+        runs.append((arguments["source"], arguments["namespace"], arguments["params_file"], seconds, port))
+        return 7
+
+    runner = SimpleNamespace(run=run)
     monkeypatch.setattr(bringup, "default_params_file", lambda: "file")
-    monkeypatch.setattr(bringup, "graph", lambda arguments, *_: (arguments["source"], arguments["namespace"]))
     monkeypatch.setattr(bringup, "import_module", lambda _: runner)
     assert bringup.main(words) == 7
-    assert runs == [(("can", "x"), 5.0, web_port)]
+    assert runs == [("can", "x", "file", 5.0, web_port)]
 
 
 def test_an_unknown_option_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,7 +29,7 @@ UMBRELLA = REPOSITORY / "src" / "posfet"
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 MODEL_NODE = "".join(
     (REPOSITORY / "src/posfet_model/posfet_model/ros" / name).read_text(encoding="utf-8")
-    for name in ("model_diagnostics.py", "model_outputs.py")
+    for name in ("model_diagnostics.py", "model_outputs.py", "map_outputs.py")
 )
 
 

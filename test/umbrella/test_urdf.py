@@ -21,7 +21,7 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 import xacro
 
 from posfet_model.parameters import default_frame
-from posfet_model.ros.conversions import info_message
+from posfet_model.ros.info_message import info_message
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from support.bringup_process import needs_installation

@@ -95,7 +95,7 @@ def main() -> None:
         print("ready", flush=True)
         spin(list(graph.nodes.values()))
         finish()
-        report = graph._source.source.report()
+        report = graph.source.source.report()
         counts = {kind.label: count for kind, count in report.fault_counts.items()} | dict(report.counters)
         print(json.dumps({"scans": report.scans, "lost": report.frames_lost, **counts}), flush=True)
     times.write(Path(options["out"]))

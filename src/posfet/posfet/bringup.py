@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Final
 from ament_index_python.packages import get_package_share_directory
 
 from posfet.arguments import check, defaults, describe, parse
-from posfet.graph import graph
 from posfet.ros_arguments import split
 from posfet.web.options import add_web_arguments, chosen_port
 from posfet_model.command_line import positive
 from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.on_demand import load_on_demand
+from posfet_model.ros.start import loading
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -70,6 +70,7 @@ def nodes(
         One line, if an argument, parameter or file cannot be used, or the source cannot be opened.
     """
     from posfet.composed_graph import Graph  # noqa: PLC0415  # bad arguments of the command are reported without it
+    from posfet.graph import graph  # noqa: PLC0415  # nor this
 
     _, ros = split(["--ros-args", *ros_arguments])
     given = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in arguments.items()}
@@ -114,8 +115,10 @@ def main(words: Sequence[str] | None = None) -> int:
             print(describe())
             return 0
         arguments = parse(options.arguments)
-        specs = graph(arguments, arguments["params_file"] or default_params_file(), ros_arguments)
+        arguments["params_file"] = arguments["params_file"] or default_params_file()
         load_on_demand()
-        return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds, chosen_port(options)))
+        with loading():
+            runner = import_module(RUNNERS[arguments["composed"]])
+        return int(runner.run(arguments, ros_arguments, options.seconds, chosen_port(options)))
 
     return exit_code(run)

@@ -9,20 +9,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from importlib import import_module
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from posfet.graph import NodeSpec
-from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet_driver.ros.scan_source_node import ScanSourceNode
-from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.ros.model_node import ModelNode
+
+if TYPE_CHECKING:
+    from posfet.snapshot import Snapshot
 
 CLASSES: Final = {
     "model_node": "ModelNode",
@@ -67,12 +67,13 @@ class Graph:
         except BaseException:
             self.destroy()
             raise
-        self._model: ModelNode = self.nodes["model_node"]
-        self._simulation: Any = self.nodes.get("sim_board_node")
-        self._source: ScanSourceNode = self.nodes[specs[-1].executable]
-        self._source.sink, self._source.stream = self._model.process, self._model.stream
+        self.model: ModelNode = self.nodes["model_node"]
+        """Node with the model."""
+        self.source: ScanSourceNode = self.nodes[specs[-1].executable]
+        """Node with the source of scans."""
+        self.source.sink, self.source.stream = self.model.process, self.model.stream
         try:
-            self._model.use_frame(self._source.frame_id)
+            self.model.use_frame(self.source.frame_id)
         except BaseException:
             self.destroy()
             raise
@@ -88,72 +89,25 @@ class Graph:
     @property
     def finished(self) -> bool:
         """Whether the source has no more scans: a recording is over."""
-        return bool(getattr(self._source.source, "finished", False))
+        return bool(getattr(self.source.source, "finished", False))
 
     def start(self) -> None:
-        """Start the source of scans; raise ConfigError if it cannot be opened and a retry would not help."""
+        """Start the source of scans, then publish all topics; raise ConfigError if no retry would open the source."""
         for node in self.nodes.values():
             node.start()
+        self.model.add_maps()
 
     def destroy(self) -> None:
         """Destroy the sources first, then the other nodes."""
         for node in reversed(self.nodes.values()):
             node.destroy_node()
 
-    def snapshot(self) -> Snapshot | None:
-        """Return the newest snapshot, or None before the first scan."""
-        latest = self._model.latest()
-        if latest is None:
-            return None
-        report = self._source.source.report()
-        rows, cols = latest.force.shape
-        return Snapshot(
-            time=time.monotonic(),
-            scans=latest.scans,
-            frames_lost=report.frames_lost,
-            scans_lost=latest.missed,
-            rows=rows,
-            cols=cols,
-            force=latest.force.ravel(),
-            total_force=latest.total,
-            data_valid=latest.valid,
-            contacts=tuple(_view(contact) for contact in latest.contacts if contact.state != ContactState.RELEASED),
-            truth=self._truth(latest.sequence),
-            state=report.state,
-            calibration=latest.calibration,
-            standard_deviation=latest.standard_deviation.ravel(),
-            status=latest.status.ravel(),
-            total_standard_deviation=latest.total_standard_deviation,
-            sequence=latest.sequence,
-            stamp=latest.stamp,
-        )
-
     def state(self) -> str:
         """Return the state of the source of scans, in one line."""
-        return self._source.source.report().state
+        return self.source.source.report().state
 
-    def _truth(self, sequence: int) -> tuple[TrueContact, ...]:
-        """Return the true contacts of a scan; with a bus in between, the model is some scans behind the board."""
-        objects = None if self._simulation is None else self._simulation.objects_in(sequence)
-        if objects is None:
-            return ()
-        touching = zip(objects.contact_centres.tolist(), objects.contact_forces.tolist(), strict=True)
-        return tuple(TrueContact(x, y, force) for (x, y), force in touching)
+    def snapshot(self) -> Snapshot | None:
+        """Return the newest snapshot, or None before the first scan."""
+        from posfet.node_snapshots import node_snapshot  # noqa: PLC0415  # loaded while scans are processed
 
-
-def _view(contact: Contact) -> ContactView:
-    region = contact.region
-    x, y = region.centre_of_pressure
-    return ContactView(
-        id=contact.id,
-        state=contact.state.name.lower(),
-        x=x,
-        y=y,
-        force=region.force,
-        standard_deviation=region.force_variance**0.5,
-        area=region.area,
-        age=contact.age,
-        major_axis=region.major_axis,
-        minor_axis=region.minor_axis,
-        velocity=contact.velocity,
-    )
+        return node_snapshot(self.model, self.source, self.nodes.get("sim_board_node"))

@@ -9,17 +9,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from posfet.graph import NodeSpec
-from posfet.stack_client import StackClient
+from posfet.display_node import display_node
+from posfet.ros_arguments import RosArguments
 from posfet_model.ros.run_node import ros
 from posfet_model.ros.start import loading
 
 if TYPE_CHECKING:
     from posfet.composed_graph import Graph
+    from posfet.stack_client import StackClient
 
 
 def _served(stack: ExitStack, client: StackClient, graph: Graph, port: int) -> str:
@@ -31,33 +32,39 @@ def _served(stack: ExitStack, client: StackClient, graph: Graph, port: int) -> s
     return served_link(stack, [Viewed(client, graph, Recording(client.namespace))], port)
 
 
-def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) -> int:
+def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_port: int | None = None) -> int:
     """Run the graph and display it for `seconds` [s] or until Ctrl-C, and return the exit code.
 
     Raises ConfigError, one line, if a parameter or file cannot be used.
 
     Parameters
     ----------
-    specs : sequence of NodeSpec
-        Nodes; the source of scans is last.
+    arguments : mapping of str to str
+        Every argument by name, `params_file` among them.
+    given : RosArguments
+        ROS arguments for the nodes.
     seconds : float
         Duration [s].
     web_port : int, optional
         Port of the browser view, 0 for any; None: no browser view.
     """
-    with ros(["--ros-args", "--log-level", specs[0].log_level, *specs[0].ros_words]) as stack:
-        # The first node makes the participant: others on the network discover it while the rest is loaded.
-        client = StackClient(specs[0].namespace, specs[0].ros_words)
-        stack.callback(client.destroy_node)
+    namespace = given.within(arguments["namespace"])
+    with ros(["--ros-args", "--log-level", arguments["log_level"], *given.words]) as stack:
         with loading():
+            # The first node makes the participant: others on the network discover it while the rest is loaded.
+            node = display_node(namespace, given.words)
+            stack.callback(node.destroy_node)
             from posfet.composed_graph import Graph  # noqa: PLC0415  # loaded meanwhile
-            from posfet.display_loop import display, show  # noqa: PLC0415  # and this
+            from posfet.graph import graph  # noqa: PLC0415  # and this
 
-            graph = Graph(specs)
-        stack.callback(graph.destroy)
-        link = "" if web_port is None else _served(stack, client, graph, web_port)
-        with display(graph, client, link) as screen:
-            graph.start()
-            client.follow()
-            return show(screen, [*graph, client], seconds, graph.state, lambda: graph.finished)
+            nodes = Graph(graph(arguments, arguments["params_file"], given))
+        stack.callback(nodes.destroy)
+        nodes.start()
+        with loading():
+            from posfet.display_loop import display, show  # noqa: PLC0415  # loaded while scans are processed
+            from posfet.stack_client import StackClient  # noqa: PLC0415  # and this
+        client = StackClient(node, namespace)
+        link = "" if web_port is None else _served(stack, client, nodes, web_port)
+        with display(nodes, client, link) as screen:
+            return show(screen, [*nodes, node], seconds, nodes.state, lambda: nodes.finished)
     return 0

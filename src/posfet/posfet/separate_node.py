@@ -9,11 +9,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from posfet.display_loop import display, show
-from posfet.graph import NodeSpec
+from posfet.display_node import display_node
+from posfet.graph import graph
 from posfet.processes import Processes
+from posfet.ros_arguments import RosArguments
 from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
 from posfet.web.link import served_link
@@ -22,29 +24,32 @@ from posfet.web.viewed import Viewed
 from posfet_model.ros.run_node import ros
 
 
-def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) -> int:
+def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_port: int | None = None) -> int:
     """Run the nodes and display them for `seconds` [s], until Ctrl-C, or until one ends, and return the exit code.
 
-    The exit code is that of a node that failed, which then has printed the reason. Raises ConfigError if an executable
-    is not installed.
+    The exit code is that of a node that failed, which then has printed the reason. Raises ConfigError, one line, if a
+    file cannot be used or an executable is not installed.
 
     Parameters
     ----------
-    specs : sequence of NodeSpec
-        Nodes; the source of scans is last.
+    arguments : mapping of str to str
+        Every argument by name, `params_file` among them.
+    given : RosArguments
+        ROS arguments for the nodes.
     seconds : float
         Duration [s].
     web_port : int, optional
         Port of the browser view, 0 for any; None: no browser view.
     """
-    with ros(specs[0].ros_words) as stack:
-        client = StackClient(specs[0].namespace, specs[0].ros_words)
-        stack.callback(client.destroy_node)
-        client.follow()
-        view = ViewNode(client, specs[0].ros_words)
+    specs = graph(arguments, arguments["params_file"], given)
+    with ros(given.words) as stack:
+        node = display_node(specs[0].namespace, given.words)
+        stack.callback(node.destroy_node)
+        client = StackClient(node, specs[0].namespace)
+        view = ViewNode(client, given.words)
         stack.callback(view.destroy_node)
         link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)
         with Processes(specs) as processes, display(view, client, link) as screen:
-            code = show(screen, [client], seconds, view.state, stop=processes.ended)
+            code = show(screen, [node], seconds, view.state, stop=processes.ended)
             return processes.exit_code() or code
     return 0

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -32,36 +32,31 @@ SERVICES: Final[dict[str, tuple[Any, str]]] = {
 DEPTH: Final = 10
 
 
-class StackClient(Node):  # type: ignore[misc]  # rclpy has no types
-    """Node that follows `info` and `/diagnostics` of one stack and calls its services; costs a few messages a second.
-
-    It does so once `follow` has been called: the node of a stack that starts is seen before the rest is there.
+class StackClient:
+    """Follows `info` and `/diagnostics` of one stack and calls its services; costs a few messages a second.
 
     Parameters
     ----------
+    node : Node
+        Node of the display, with the ROS arguments of the stack; it must be spun.
     namespace : str
         Full namespace of the stack, without slashes at its ends.
-    ros_words : sequence of str, optional
-        ROS arguments of the stack, which may rename its topics.
-    name : str, optional
-        Name of the node.
     """
 
-    def __init__(self, namespace: str, ros_words: Sequence[str] = (), name: str = "view_node") -> None:
-        super().__init__(name, namespace=namespace, cli_args=[*ros_words], use_global_arguments=False)
+    def __init__(self, node: Node, namespace: str) -> None:
+        self.node = node
+        """Node of the display."""
         self.namespace = namespace
         self.array: ArrayView | None = None
         """Description of the array; None before the first scan."""
         self.diagnoses: dict[str, Diagnosis] = {}
         """Newest status of each node, by name; replaced, never changed."""
-        self._callers: dict[str, Client] = {}
-
-    def follow(self) -> None:
-        """Subscribe to the topics, and look for the services."""
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(TactileInfo, "info", self._take_info, latched)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, DEPTH)
-        self._callers = {name: self.create_client(kind, name) for name, (kind, _) in SERVICES.items()}
+        node.create_subscription(TactileInfo, "info", self._take_info, latched)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, DEPTH)
+        self._callers: dict[str, Client] = {
+            name: node.create_client(kind, name) for name, (kind, _) in SERVICES.items()
+        }
 
     @property
     def state(self) -> str:

@@ -25,6 +25,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from posfet.array_view import ArrayView
 from posfet.display_loop import display, show
+from posfet.display_node import display_node
 from posfet.hand import read_hand
 from posfet.rerun_view import add_rerun_arguments, rerun_view
 from posfet.ros_arguments import split
@@ -218,9 +219,9 @@ def main(words: Sequence[str] | None = None) -> int:
         with ros(ros_arguments.words) as stack:
             views = []
             for namespace in namespaces:
-                client = StackClient(namespace, ros_arguments.words)
-                stack.callback(client.destroy_node)
-                client.follow()
+                node = display_node(namespace, ros_arguments.words)
+                stack.callback(node.destroy_node)
+                client = StackClient(node, namespace)
                 view = ViewNode(client, ros_arguments.words)
                 stack.callback(view.destroy_node)
                 views.append(view)
@@ -229,7 +230,7 @@ def main(words: Sequence[str] | None = None) -> int:
             logged = [(view.client.namespace, view, partial(getattr, view.client, "array")) for view in views]
             stack.enter_context(rerun_view(logged, options.rerun, options.rerun_file))
             with display(views[0], views[0].client, link) as screen:
-                return show(screen, [view.client for view in views], options.seconds, views[0].state)
+                return show(screen, [view.client.node for view in views], options.seconds, views[0].state)
         return 0
 
     return exit_code(run)

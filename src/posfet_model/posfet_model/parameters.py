@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 
 from posfet_model._lib.shown import interval
 from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
-from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
+from posfet_model.sensor.defaults import DEFAULT_SENSOR, FRAME_CHOICES
 
 Scalar: TypeAlias = "bool | int | float | str"
 Value: TypeAlias = "Scalar | list[str]"

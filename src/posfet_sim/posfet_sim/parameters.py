@@ -13,9 +13,7 @@ from typing import Final
 
 from posfet_driver.parameters import SCAN_SOURCE_NODE
 from posfet_model.parameters import DISPLAY_RATE, Parameter
-from posfet_sim.device.error_model import DEFAULT
-from posfet_sim.device.simulated_board import SEED_MAX
-from posfet_sim.scene import DEFAULT_SCENE
+from posfet_sim.defaults import DEFAULT, DEFAULT_SCENE, SEED_MAX
 
 SCENE: Final = Parameter(
     "scene", DEFAULT_SCENE, "Scene of the simulated board: path of a YAML file, or name of a shipped one"

@@ -20,16 +20,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.ros.conversions import (
-    ContactsMessage,
-    ForceImageMessage,
-    ImageMessage,
-    MarkersMessage,
-    PointsMessage,
-    ScanReader,
-    VibrationMessage,
-    contacts_writer,
-)
+from posfet_model.ros.contacts_message import ContactsMessage, contacts_writer
+from posfet_model.ros.map_messages import ForceImageMessage, ImageMessage, PointsMessage, VibrationMessage
+from posfet_model.ros.markers_message import MarkersMessage
+from posfet_model.ros.scan_reader import ScanReader
 from posfet_model.ros.wrench_messages import WrenchMessage
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileRaw

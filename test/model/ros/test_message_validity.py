@@ -23,7 +23,8 @@ from rclpy.serialization import deserialize_message
 
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
-from posfet_model.ros.conversions import ContactsMessage, ImageMessage, VibrationMessage
+from posfet_model.ros.contacts_message import ContactsMessage
+from posfet_model.ros.map_messages import ImageMessage, VibrationMessage
 from posfet_model.ros.wrench_messages import WrenchEstimateMessage, WrenchMessage
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus

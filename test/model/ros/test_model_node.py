@@ -37,8 +37,8 @@ from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor, TaxelStatus
 from posfet_model.ros import model_diagnostics, model_report
-from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.model_node import ModelNode
+from posfet_model.ros.scan_reader import ScanReader
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_model.sensor.signal_chain import ForwardSignalChain
@@ -77,6 +77,8 @@ class Bench:
             self.executor.remove_node(node)
             node.destroy_node()
             raise
+        if node.parameters["direct"]:
+            node.add_maps()
         return node
 
     def listen(self, kind: Any, topic: str, qos: Any = 1000) -> list[Any]:

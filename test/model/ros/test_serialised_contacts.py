@@ -23,7 +23,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from posfet_core.contact import Contact, ContactState, Merged, Motion, Region
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
-from posfet_model.ros.conversions import ContactsMessage
+from posfet_model.ros.contacts_message import ContactsMessage
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain

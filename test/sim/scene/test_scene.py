@@ -32,6 +32,7 @@ from posfet_sim.scene import (
     SceneLoads,
     SceneObject,
     load_scene,
+    pattern_file,
     scene_file,
     trajectory_file,
 )
@@ -481,8 +482,10 @@ def test_the_document_names_each_kind(kind: str) -> None:
 
 
 def test_the_document_names_each_key() -> None:
-    sources = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (scene_file, trajectory_file))
-    keys = set(re.findall(r"(?:\.\w+\(|_length\(section, |_angle\(\w+, |keyframes\(\w+, )\"(\w+)\"", sources))
+    sources = "".join(
+        Path(module.__file__).read_text(encoding="utf-8") for module in (scene_file, trajectory_file, pattern_file)
+    )
+    keys = set(re.findall(r"(?:\.\w+\(|_length\(section, |read_angle\(\w+, |keyframes\(\w+, )\"(\w+)\"", sources))
     assert len(keys) > 35
     assert not {key for key in keys if f"`{key}`" not in DOCUMENT}
 

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_sim.scene.trajectories import Keyframes, Path, PressRelease, RandomMotion, Stroke, Taps, Vibration
+from posfet_sim.scene.keyframes import Keyframes, Path
+from posfet_sim.scene.trajectories import PressRelease, RandomMotion, Stroke, Taps, Vibration
 
 TOUCH = {"start": 0.2, "end": 1.2, "rise": 0.1, "x": 1e-3, "y": -1e-3, "angle": 0.5, "load": 0.5}
 PATHS: list[Path] = [

@@ -17,8 +17,10 @@ import pytest
 import yaml
 
 from posfet_model.config import ConfigError, Section
-from posfet_sim.scene.trajectories import Keyframes, Path, RandomMotion, Stroke, Taps, Vibration
-from posfet_sim.scene.trajectory_file import Limits, keyframe_time, keyframes, read_path
+from posfet_sim.scene.keyframes import Keyframes, Path
+from posfet_sim.scene.path_file import read_path
+from posfet_sim.scene.trajectories import RandomMotion, Stroke, Taps, Vibration
+from posfet_sim.scene.trajectory_file import Limits, keyframe_time, keyframes
 
 LIMITS = Limits(half_x=5e-3, half_y=4e-3, force=3.0, indentation=1e-3, period=math.inf)
 PRESS = "start_s: 1, end_s: 5, rise_s: 0.5, x_mm: 1, y_mm: -2, force_N: 2"

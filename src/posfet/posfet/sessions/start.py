@@ -23,7 +23,8 @@ from posfet_model.config import ConfigError
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor, with_serial
-from posfet_sim.device.error_model import DEFAULT, ErrorModel, load_error_model
+from posfet_sim.defaults import DEFAULT
+from posfet_sim.device.error_model import ErrorModel, load_error_model
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.recording.export import Export, to_arrays
 from posfet_sim.recording.recorded_scans import RecordedScans

@@ -8,7 +8,7 @@
 """Serialised TactileContacts.
 
 Before it is used, the result is compared with that of the middleware for the same contacts
-(`conversions.contacts_writer`).
+(`contacts_message.contacts_writer`).
 """
 
 from __future__ import annotations

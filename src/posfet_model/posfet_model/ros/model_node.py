@@ -24,7 +24,6 @@ from posfet_model.parameters import MODEL_NODE, default_frame
 from posfet_model.reconstruction.contacts_sink import Mutex
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
 from posfet_model.reconstruction.settings import ReconstructionSettings
-from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.direct_contacts import DirectContacts, StreamingSource
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
 from posfet_model.ros.model_diagnostics import ModelDiagnostics
@@ -39,11 +38,14 @@ from posfet_model.ros.output_qos import OUTPUT_DEPTH, output_qos
 from posfet_model.ros.queue_delay import QueueDelay
 from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
+from posfet_model.ros.scan_reader import ScanReader
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
+SUBSCRIBER_CHECK_PERIOD = 0.01
+"""Period at which the first subscriber is looked for [s]."""
 
 
 class ModelNode(SupervisedLifecycleNode):
@@ -93,6 +95,8 @@ class ModelNode(SupervisedLifecycleNode):
         self._served = ModelServices(self, calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
         if self.parameters["direct"]:
             self.use_frame(default_frame(self.get_namespace()))
+        else:
+            self.add_maps()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the calibration."""
@@ -166,6 +170,15 @@ class ModelNode(SupervisedLifecycleNode):
             if self._outputs.frame_id and settings.contact != before.contact:
                 self._describe(self._outputs.frame_id)
 
+    def add_maps(self) -> None:
+        """Publish the topics beside `contacts` and `info` from now on; in one process, once the scans have begun."""
+        from posfet_model.ros.map_outputs import MapOutputs  # noqa: PLC0415  # loaded while scans are processed
+
+        qos = output_qos(self.parameters["reliability"], OUTPUT_DEPTH)
+        maps = MapOutputs(self, qos, self._outputs.display)
+        with self._lock:
+            self._outputs.add(maps)
+
     def use_frame(self, frame_id: str) -> None:
         """Use another frame of the array from the next message on, publish `info`, and where the array is mounted.
 
@@ -179,6 +192,8 @@ class ModelNode(SupervisedLifecycleNode):
         ConfigError
             If the array would be mounted on itself; one line.
         """
+        if frame_id == self._outputs.frame_id:
+            return
         with self._lock:
             self._describe(frame_id)
         if self._mount is not None:
@@ -245,7 +260,7 @@ class ModelNode(SupervisedLifecycleNode):
             )
         if not direct:
             return source.read(timeout)
-        scan = self._direct.stream(source, timeout)
+        scan = self._direct.stream(source, timeout if subscribed else min(timeout, SUBSCRIBER_CHECK_PERIOD))
         with self._lock:
             self._complete(reconstructor, subscribed)
         return scan

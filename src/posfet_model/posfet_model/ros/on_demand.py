@@ -18,10 +18,12 @@ import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
 
 INTERFACES: Final = re.compile(r"\w+_(?:msgs|interfaces)\.(?:msg|srv|action)")
 """Names of the Python packages with the messages, services and actions of a ROS package."""
@@ -53,7 +55,7 @@ class _OnDemand(SourceFileLoader):
         module.__dict__.update(__all__=list(places), __getattr__=use, __dir__=lambda: sorted(places))
 
 
-class _Finder(MetaPathFinder):
+class _Finder:
     """Finds the packages of messages."""
 
     def find_spec(

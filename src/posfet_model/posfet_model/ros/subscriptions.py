@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Set
 from typing import Final, Protocol
 
-MAX_AGE: Final = 100_000_000
-"""Longest time for which a subscription count is used [ns]."""
+REFRESH_PERIOD: Final = 10_000_000
+"""Time between the refreshes of two subscription counts [ns]: a single publisher sees a subscriber after it."""
 
 
 class Publisher(Protocol):
@@ -26,8 +26,8 @@ class Publisher(Protocol):
 class SubscriptionCache:
     """Knows which publishers have subscribers.
 
-    Each count is refreshed ten times a second, one publisher at a time, so that no scan waits for all of them; after a
-    pause those that are due are refreshed at once.
+    One count is refreshed each `REFRESH_PERIOD`, so that no scan waits for all of them; after a pause those that are
+    due are refreshed at once.
 
     Parameters
     ----------
@@ -37,7 +37,6 @@ class SubscriptionCache:
 
     def __init__(self, *publishers: Publisher) -> None:
         self._publishers = publishers
-        self._period = MAX_AGE // len(publishers)
         self._index = 0
         self._next_refresh = 0
         self._subscribed: set[Publisher] = set()
@@ -45,10 +44,10 @@ class SubscriptionCache:
     def subscribed(self, now: int) -> Set[Publisher]:
         """Return the publishers that had subscribers at their last refresh; `now` is a monotonic time [ns]."""
         if now >= self._next_refresh:
-            due = 1 + (now - self._next_refresh) // self._period
+            due = 1 + (now - self._next_refresh) // REFRESH_PERIOD
             for _ in range(min(due, len(self._publishers))):
                 self._refresh_next()
-            self._next_refresh = now + self._period
+            self._next_refresh = now + REFRESH_PERIOD
         return self._subscribed
 
     def any(self, now: int) -> bool:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import InvalidReason, Reconstruction, Reconstructor
-from posfet_model.ros.conversions import set_stamp, set_vector
+from posfet_model.ros.message_fields import set_stamp, set_vector
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.surface import wrench_per_newton
 from posfet_msgs.msg import TactileWrench

@@ -23,14 +23,12 @@ from numpy.typing import NDArray
 from posfet_model.config import ConfigError, Section, find_file, read_yaml
 from posfet_model.device import adc as converter
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
+from posfet_model.sensor.defaults import DEFAULT_SENSOR, FRAME_CHOICES
 from posfet_model.sensor.frame_mapping import FrameMapping, read_mapping
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
 """Folder of the sensor files that come with the package."""
 
-DEFAULT_SENSOR = "posfet_5x5"
-FRAME_CHOICES = ("auto", "true", "false")
-"""Type of the board's CAN frames: as in the sensor file, CAN FD, or classic CAN."""
 MAX_SIDE = 128
 """Largest number of rows and of columns."""
 MIN_SPAN = 1e-3

@@ -39,7 +39,7 @@ from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newt
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.scene import Keyframes, Scene, SceneLoads, SceneObject
-from posfet_sim.scene.trajectories import Pose, Span
+from posfet_sim.scene.keyframes import Pose, Span
 
 COLUMNS: Final = ("time_s", "x_mm", "y_mm", "force_N")
 """Columns of the file of the rig: time of its clock, centre of the contact in the frame of the array, and force."""

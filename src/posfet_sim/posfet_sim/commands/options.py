@@ -13,7 +13,7 @@ import argparse
 from typing import Final
 
 from posfet_model.parameters import SENSOR_FILE, SERIAL
-from posfet_sim.device.simulated_board import SEED_MAX
+from posfet_sim.defaults import SEED_MAX
 from posfet_sim.parameters import IMPERFECTIONS, SCENE, SEED
 
 MAX_DURATION: Final = 1e6

@@ -46,6 +46,16 @@ class Shape(Protocol):
         ...
 
     @property
+    def needs_flat_chip(self) -> bool:
+        """Whether its contact with a bent chip is unknown."""
+        ...
+
+    @property
+    def needs_force(self) -> bool:
+        """Whether its force does not follow from an indentation."""
+        ...
+
+    @property
     def max_force(self) -> float:
         """Maximum force [N] for which the contact theory is valid."""
         ...
@@ -126,6 +136,8 @@ class Sphere:
     effective_modulus: float
     """Effective modulus E [Pa]."""
     depends_on_angle: ClassVar[bool] = False
+    needs_flat_chip: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = False
 
     @property
     def height(self) -> float:
@@ -172,6 +184,8 @@ class FlatIndenter:
     effective_modulus: float
     """Effective modulus E [Pa]."""
     depends_on_angle: ClassVar[bool] = False
+    needs_flat_chip: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = False
     height: ClassVar[float] = 0.0
     max_force: ClassVar[float] = FORCE_LIMIT
 

@@ -54,6 +54,8 @@ class LineShape(ABC):
     effective_modulus: float
     """Effective modulus E [Pa]."""
     depends_on_angle: ClassVar[bool] = True
+    needs_flat_chip: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = False
     _profile: ClassVar[float]
     _max_aspect: ClassVar[float] = 0.25
     """Maximum half-width over length [1]: the closed form of the indentation is for contacts longer than wide."""

@@ -46,6 +46,8 @@ class RectangularIndenter:
     effective_modulus: float
     """Effective modulus E [Pa]."""
     depends_on_angle: ClassVar[bool] = True
+    needs_flat_chip: ClassVar[bool] = True
+    needs_force: ClassVar[bool] = False
     height: ClassVar[float] = 0.0
     max_force: ClassVar[float] = FORCE_LIMIT
 

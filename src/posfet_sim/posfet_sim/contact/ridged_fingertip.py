@@ -35,6 +35,8 @@ class RidgedFingertip(Sphere):
     contrast: float
     """Modulation of the pressure [1], in [0, 1]; 1: no pressure in the middle of a groove."""
     depends_on_angle: ClassVar[bool] = True
+    needs_flat_chip: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = False
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the modulated Hertz pressure."""

@@ -41,6 +41,8 @@ class SoftFace:
     """Common part of objects that conform to the surface and whose indentation is not modelled."""
 
     depends_on_angle: ClassVar[bool] = True
+    needs_flat_chip: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = True
     height: ClassVar[float] = 0.0
     max_force: ClassVar[float] = FORCE_LIMIT
 

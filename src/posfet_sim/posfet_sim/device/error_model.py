@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from posfet_model.config import read_yaml
+from posfet_sim.defaults import DEFAULT
 from posfet_sim.device.board_effects import BOARD_KEYS, BoardEffects
 from posfet_sim.device.error_model_key import Key, read_keys
 from posfet_sim.device.film_effects import FILM_KEYS, FilmEffects
@@ -33,8 +34,6 @@ SENSOR_PROPERTIES: Final = (
 """Properties from the sensor file that `none()` keeps; each can be switched off."""
 NONE: Final = "none"
 """Name of the ideal board."""
-DEFAULT: Final = "default"
-"""Name of the board with every default."""
 IDEAL, MODERATE, HARD = "ideal", "moderate", "hard"
 REALISM: Final = (IDEAL, MODERATE, HARD)
 """Sizes of the effects of film, cover and readout board."""

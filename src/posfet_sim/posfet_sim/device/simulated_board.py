@@ -20,6 +20,7 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model._lib.validation import whole_number
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.defaults import SEED_MAX
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.film import Film, chip_warming
 from posfet_sim.device.ground_truth import Truth
@@ -30,8 +31,6 @@ from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.device.temperature_sensors import TemperatureSensors
 from posfet_sim.loads import Loads, ObjectsState, Patch
 
-SEED_MAX: Final = 1_000_000_000
-"""Maximum seed."""
 OVERTEMPERATURE: Final = 85.0
 """Chip temperature above which the board sets STATUS_OVERTEMPERATURE [degC]; assumed."""
 MIN_FORCE: Final = 1e-9

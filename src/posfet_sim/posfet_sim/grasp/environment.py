@@ -22,8 +22,8 @@ from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor
 from posfet_sim.contact.indenters import Sphere
-from posfet_sim.device.error_model import DEFAULT, load_error_model
-from posfet_sim.device.simulated_board import SEED_MAX
+from posfet_sim.defaults import DEFAULT, SEED_MAX
+from posfet_sim.device.error_model import load_error_model
 from posfet_sim.grasp.fingertip import Fingertip
 from posfet_sim.grasp.mechanics import FINGERS, Control, GraspedObject, GraspMechanics, Gripper
 from posfet_sim.grasp.picture import picture

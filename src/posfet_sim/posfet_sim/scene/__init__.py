@@ -7,10 +7,11 @@
 
 """Scenes: objects that touch a simulated board over time (docs/scenes.md)."""
 
+from posfet_sim.defaults import DEFAULT_SCENE
+from posfet_sim.scene.keyframes import Keyframes
 from posfet_sim.scene.scene import ChipBend, ObjectState, Scene, SceneObject
-from posfet_sim.scene.scene_file import DEFAULT_SCENE, SCENE_FOLDER, load_scene
+from posfet_sim.scene.scene_file import SCENE_FOLDER, load_scene
 from posfet_sim.scene.scene_loads import SceneLoads
-from posfet_sim.scene.trajectories import Keyframes
 
 __all__ = [
     "DEFAULT_SCENE",

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from posfet_sim.contact.indenters import FLAT, Bend, Shape
-from posfet_sim.scene.trajectories import Keyframes, Path, Pose, Span
+from posfet_sim.scene.keyframes import Keyframes, Path, Pose, Span
 
 
 class ObjectState(NamedTuple):

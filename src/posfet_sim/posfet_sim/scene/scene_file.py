@@ -20,22 +20,16 @@ import numpy as np
 from posfet_model.config import Section, find_file, read_yaml
 from posfet_model.sensor.description import Sensor
 from posfet_sim.contact.indenters import FLAT, Bend, FlatIndenter, Shape, Sphere
-from posfet_sim.contact.line_contacts import Cylinder, Edge
-from posfet_sim.contact.rectangular_indenter import MAX_ASPECT_RATIO, RectangularIndenter
-from posfet_sim.contact.ridged_fingertip import RidgedFingertip
-from posfet_sim.contact.soft_faces import Pad, Ring, ScrewHead, SoftFace
 from posfet_sim.contact.taxel_forces import Cells, skin_spread
-from posfet_sim.contact.textured_pads import Ridges, Roughness
+from posfet_sim.defaults import SEED_MAX
 from posfet_sim.scene.heat_transfer import chip_temperature_rise
+from posfet_sim.scene.keyframes import Keyframes
+from posfet_sim.scene.path_file import read_path
 from posfet_sim.scene.scene import ChipBend, Scene, SceneObject
-from posfet_sim.scene.trajectories import Keyframes
-from posfet_sim.scene.trajectory_file import SEED_MAX, TIME_MAX, Limits, keyframe_time, keyframes, read_path
+from posfet_sim.scene.trajectory_file import TIME_MAX, Limits, keyframe_time, keyframes
 
 SCENE_FOLDER: Final = Path(__file__).parent / "scenes"
 """Folder of the shipped scenes."""
-
-DEFAULT_SCENE: Final = "press_slide_lift"
-"""Name of the default scene."""
 
 TEMPERATURE_RANGE: Final = (-40.0, 100.0)
 """Allowed temperatures [degC]; assumed: the copolymer is poled and operated well below its Curie temperature."""
@@ -138,14 +132,14 @@ def _object(section: Section, sensor: Sensor, cells: Cells, bend: ChipBend | Non
     name = section.text("name")
     shape = SHAPES[section.text("kind", tuple(SHAPES))](section)
     under = FLAT if bend is None else bend.along(0.0)
-    if bend is not None and isinstance(shape, RectangularIndenter):
+    if bend is not None and shape.needs_flat_chip:
         raise section.error("length_mm", "a rectangular indenter needs a flat chip; a circular one has radius_mm")
     force = max_force(sensor, cells, shape, under)
     limits = Limits(
         half_x=sensor.layout.cols * sensor.layout.pitch_x / 2,
         half_y=sensor.layout.rows * sensor.layout.pitch_y / 2,
         force=force,
-        indentation=None if isinstance(shape, SoftFace) else shape.indentation(force, under),
+        indentation=None if shape.needs_force else shape.indentation(force, under),
         period=period,
     )
     path, by_indentation = read_path(section, limits)
@@ -167,11 +161,15 @@ def _sphere(section: Section) -> Shape:
 
 
 def _cylinder(section: Section) -> Shape:
+    from posfet_sim.contact.line_contacts import Cylinder  # noqa: PLC0415  # loaded on use
+
     return Cylinder(_length(section, "length_mm"), _modulus(section), _length(section, "radius_mm"))
 
 
 def _flat_indenter(section: Section) -> Shape:
     if "length_mm" in section:
+        from posfet_sim.contact.rectangular_indenter import MAX_ASPECT_RATIO, RectangularIndenter  # noqa: PLC0415
+
         length, width = _length(section, "length_mm"), _length(section, "width_mm")
         if not 1 / MAX_ASPECT_RATIO <= length / width <= MAX_ASPECT_RATIO:
             allowed = f"must be in 1/{MAX_ASPECT_RATIO:g} to {MAX_ASPECT_RATIO:g} times width_mm"
@@ -181,32 +179,44 @@ def _flat_indenter(section: Section) -> Shape:
 
 
 def _edge(section: Section) -> Shape:
+    from posfet_sim.contact.line_contacts import Edge  # noqa: PLC0415  # loaded on use
+
     slope = math.tan(math.radians(section.number("flank_angle_deg", 1, 60)))
     return Edge(_length(section, "length_mm"), _modulus(section), slope)
 
 
 def _pad(section: Section) -> Shape:
+    from posfet_sim.contact.soft_faces import Pad  # noqa: PLC0415  # loaded on use
+
     return Pad(_length(section, "length_mm"), _length(section, "width_mm"))
 
 
 def _ring(section: Section) -> Shape:
+    from posfet_sim.contact.soft_faces import Ring  # noqa: PLC0415  # loaded on use
+
     outer = _length(section, "outer_radius_mm")
     inner = section.number("inner_radius_mm", _LENGTH_RANGE[0], outer * 1e3, exclusive=True) * 1e-3
     return Ring(outer, inner)
 
 
 def _screw_head(section: Section) -> Shape:
+    from posfet_sim.contact.soft_faces import ScrewHead  # noqa: PLC0415  # loaded on use
+
     radius = _length(section, "radius_mm")
     return ScrewHead(radius, section.number("slot_width_mm", 0, 2e3 * radius, exclusive=True) * 1e-3)
 
 
 def _ridged_fingertip(section: Section) -> Shape:
+    from posfet_sim.contact.ridged_fingertip import RidgedFingertip  # noqa: PLC0415  # loaded on use
+
     radius, modulus = _length(section, "radius_mm"), _modulus(section)
     spacing = section.number("ridge_spacing_mm", 0.1, 1000) * 1e-3
     return RidgedFingertip(radius, modulus, spacing, section.number("ridge_contrast_percent", 0, 100) * 1e-2)
 
 
 def _texture(section: Section) -> Shape:
+    from posfet_sim.contact.textured_pads import Ridges, Roughness  # noqa: PLC0415  # loaded on use
+
     length, width = _length(section, "length_mm"), _length(section, "width_mm")
     if section.text("profile", ("ridges", "bumps")) == "bumps":
         return Roughness(length, width, section.whole("bumps", 1, 1000), section.whole("seed", 0, SEED_MAX))

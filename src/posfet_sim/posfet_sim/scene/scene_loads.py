@@ -18,8 +18,8 @@ from posfet_model.sensor.description import Sensor
 from posfet_sim.contact.indenters import Bend
 from posfet_sim.contact.taxel_forces import MIN_RELATIVE_SPREAD, Cells, Footprint, skin_spread
 from posfet_sim.loads import ObjectsState, Patch
+from posfet_sim.scene.keyframes import Pose
 from posfet_sim.scene.scene import ObjectState, Scene, SceneObject
-from posfet_sim.scene.trajectories import Pose
 
 
 class SceneLoads:
