@@ -160,3 +160,15 @@ def test_a_chip_that_bends_around_the_place_that_is_pressed_is_followed() -> Non
         if truth.time > 1.0 and scan.sequence % 10 == 0:
             errors.append(abs(reconstructor.image().total - float(truth.force.sum())))
     assert max(errors) < 0.015
+
+
+def test_a_touch_soon_after_the_start_leaves_what_is_known_of_the_offsets_beside_it() -> None:
+    """Taxels around the first part of a touch that do not show it themselves keep the zeros from before it."""
+    scene = replace(load_scene("grasp_lift_slip", SENSOR), period=math.inf)
+    board = replace(ErrorModel.default(), resets_per_hour=0.0)
+    reconstructor, error, force = Reconstructor(SENSOR, calibrate(SENSOR, 2, board)), 0.0, 0.0
+    for scan, truth in received_scans(SENSOR, scene, scene.duration, 2, board):
+        if reconstructor.process(scan).valid and truth.force.any():
+            error += abs(reconstructor.image().total - float(truth.force.sum()))
+            force += float(truth.force.sum())
+    assert error < 0.01 * force

@@ -54,6 +54,9 @@ BLOCK: Final = 0.02
 LAG: Final = 16
 """Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch."""
 
+SUSPECTED: Final = LAG // 2
+"""Number of them from which taxels are left out that do not show the touch themselves."""
+
 SETTLE_TIME: Final = 0.1
 """Time for which a taxel must be consistent with a constant force before its offset counts as known [s]."""
 
@@ -674,11 +677,17 @@ class ForceEstimator:
         return time * self._per_second, np.multiply(self._drift_response.T, time).T
 
     def _process_again(self, touched: Mask) -> None:
-        """Process the stored blocks again without the taxels that a touch, it turned out, had begun on."""
+        """Process the stored blocks again without the taxels that a touch, it turned out, had begun on.
+
+        Those that do not show it themselves are left out of the last blocks only: their zeros before that tell their
+        offsets.
+        """
         self._filter.belief = self._blocks[0].before
-        for block in tuple(self._blocks):  # the newest one may restart taxels, which forgets them
+        blocks = tuple(self._blocks)  # the newest one may restart taxels, which forgets them
+        shown = touched & (blocks[-1].listed | self._unexplained.rising)
+        for index, block in enumerate(blocks):
             block.before = self.belief.copy()
-            block.touched = block.touched | touched
+            block.touched = block.touched | (touched if index >= len(blocks) - SUSPECTED else shown)
             self._step(block)
 
     def _step(self, block: Block) -> None:

@@ -38,17 +38,24 @@ constexpr double kLeastTail = 1e-4;
 
 }  // namespace
 
-/// Process the stored blocks again without the taxels that a touch, it turned out, had begun on.
+/// Process the stored blocks again without the taxels that a touch, it turned out, had begun on. Those that do not show
+/// it themselves are left out of the last blocks only: their zeros before that tell their offsets.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
   ++processed_again_;
   *belief() = blocks_[0].before;
   const std::size_t count = blocks_.size();  // the newest one may restart taxels, which forgets them
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = touched[taxel] && (blocks_.newest().listed[taxel] || unexplained_.rising()[taxel]);
+  }
   for (std::size_t index = 0; index < count; ++index) {
-    Block& block = blocks_[index];
-    block.before = *belief();
+    const TaxelFlags& begun = index + LastBlocks::kSuspected < count ? chosen_ : touched;
+    TaxelFlags& stored = blocks_[index].touched;
     for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-      block.touched[taxel] = block.touched[taxel] || touched[taxel];
+      stored[taxel] = stored[taxel] || begun[taxel];
     }
+  }
+  for (std::size_t index = 0; index < count; ++index) {
+    blocks_[index].before = *belief();
     step(index);
   }
 }

@@ -48,6 +48,9 @@ public:
   /// Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch.
   static constexpr std::size_t kLag = 16;
 
+  /// Number of them from which taxels are left out that do not show the touch themselves.
+  static constexpr std::size_t kSuspected = kLag / 2;
+
   explicit LastBlocks(std::size_t taxels);
 
   std::size_t size() const { return size_; }
