@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +16,6 @@ from pathlib import Path
 from typing import Final
 
 from posfet.arguments import given_parameters, node_parameters
-from posfet.private_folder import private_folder
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
@@ -41,7 +39,6 @@ from posfet_model.parameters import (
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.device.error_model import load_error_model
-from posfet_sim.emulation.adapter_lock import is_served
 from posfet_sim.parameters import (
     ADAPTER_LINK,
     BUS_CHANNEL,
@@ -102,6 +99,8 @@ class NodeSpec:
         """Return `parameters` as the text of a parameter file: one for this node overrides one for all, and `-p`."""
         # JSON is YAML, and keeps the types; YAML has no escape for half of a character.
         values = {f"/{self.namespace}/{self.name}": {"ros__parameters": dict(self.parameters)}}
+        import json  # noqa: PLC0415  # for nodes in processes of their own
+
         return json.dumps(values, ensure_ascii=False)
 
 
@@ -138,6 +137,8 @@ def check_params_file(path: str, ros: RosArguments) -> None:
 
 def emulated_adapter(namespace: str) -> Path:
     """Return the path at which the emulated adapter of a namespace appears, private to user and ROS domain."""
+    from posfet.private_folder import private_folder  # noqa: PLC0415  # for one of the sources
+
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     return private_folder() / f"{domain}-{namespace.replace('/', '-')}"
 
@@ -174,6 +175,8 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
         return {CAN_INTERFACE.name: interface, CAN_CHANNEL.name: channel}, {ADAPTER_LINK.name: "", **board}
     if channel:
         raise ConfigError("bus_channel: needs a bus_interface")
+    from posfet_sim.emulation.adapter_lock import is_served  # noqa: PLC0415  # for one of the sources
+
     adapter = str(emulated_adapter(namespace))
     if is_served(adapter):
         raise ConfigError(f"{adapter}: an emulated adapter is running here already; use another namespace")

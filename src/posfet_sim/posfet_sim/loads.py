@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patch:
     """Forces on a rectangle of taxels at several times; overlapping patches add up."""
 
@@ -34,7 +34,7 @@ class Patch:
     """Force on each taxel of the rectangle [N], shape [times, rows, cols], positive when pushed into the sensor."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ObjectsState:
     """Poses and contacts of the objects at one time."""
 

@@ -59,7 +59,7 @@ def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> N
     return nearest
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class ForceImage:
     """Forces of all taxels, shapes [rows * cols], row by row.
 

@@ -57,7 +57,7 @@ class InvalidReason(IntFlag):
     """None of these, but every taxel is faulty."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Reconstruction:
     """Result of the last scan.
 

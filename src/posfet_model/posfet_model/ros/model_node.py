@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Set
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
@@ -31,7 +31,6 @@ from posfet_model.ros.model_outputs import ModelOutputs
 from posfet_model.ros.model_report import ModelReport
 from posfet_model.ros.model_services import ModelServices
 from posfet_model.ros.model_settings import reconstruction_settings
-from posfet_model.ros.model_snapshot import Snapshot, snapshot
 from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.output_qos import OUTPUT_DEPTH, output_qos
@@ -41,6 +40,9 @@ from posfet_model.ros.run_node import run_node
 from posfet_model.ros.scan_reader import ScanReader
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
+
+if TYPE_CHECKING:
+    from posfet_model.ros.model_snapshot import Snapshot
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
@@ -274,6 +276,8 @@ class ModelNode(SupervisedLifecycleNode):
 
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
+        from posfet_model.ros.model_snapshot import snapshot  # noqa: PLC0415  # for displays only
+
         with self._lock:
             if self._result is None or self._reconstructor is None:
                 return None

@@ -19,7 +19,7 @@ from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstruc
 from posfet_model.sensor.description import Layout
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """Copy of the newest reconstruction, for a display."""
 

@@ -34,7 +34,7 @@ SCALE_BITS: Final = 16
 """Bits of the scale of counts, whatever the resolution of the ADC."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LeakageStep:
     """The coefficients of one time step of the leaking charge, a linear equation.
 

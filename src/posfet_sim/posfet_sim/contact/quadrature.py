@@ -26,7 +26,7 @@ Line: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Points and weights of a profile along one axis, both of shape [points]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DiscRule:
     """Points of a pressure on the unit disc; only those with x > 0, as the rule is symmetric."""
 

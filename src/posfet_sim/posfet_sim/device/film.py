@@ -56,7 +56,7 @@ CHIP_TIME_CONSTANT: Final = 5.0
 """Time constant with which an object warms the chip [s]; assumed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilmResponse:
     """What the charge of each taxel follows, at several scans."""
 

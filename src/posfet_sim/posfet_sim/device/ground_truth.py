@@ -27,7 +27,7 @@ _OBJECT_COLUMNS: Final = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Truth:
     """True forces, temperatures, taxel faults and objects at the time of one scan."""
 
