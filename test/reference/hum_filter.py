@@ -16,6 +16,8 @@ import numpy as np
 from posfet_model._lib.types import Array
 
 TURN = 2.0 * math.pi
+ORDERS = 1, 3, 5
+"""Orders of the harmonics of a hum [1]."""
 
 
 class HumFilter:
@@ -33,7 +35,7 @@ class HumFilter:
         self.scans = scans
         self.present, self.sampling = False, scans > 0
         self.hum_frequency = self.phase = self.time = 0.0
-        self.parts = np.zeros((2, taxels))
+        self.parts = np.zeros((len(ORDERS), 2, taxels))
         self.window, self.times, self.filled = np.zeros((scans, taxels)), np.zeros(scans), 0
 
     def remove(self, signal: Array, step: float) -> None:
@@ -41,7 +43,8 @@ class HumFilter:
         self.time += step
         if self.present:
             angle = self.phase + TURN * self.hum_frequency * self.time
-            signal -= math.cos(angle) * self.parts[0] + math.sin(angle) * self.parts[1]
+            for order, (of_cosine, of_sine) in zip(ORDERS, self.parts, strict=True):
+                signal -= math.cos(order * angle) * of_cosine + math.sin(order * angle) * of_sine
         if self.filled < self.scans:
             self.window[self.filled] = signal
             self.times[self.filled] = self.time

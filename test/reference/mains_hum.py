@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array, Mask
-from reference.hum_filter import HumFilter
+from reference.hum_filter import ORDERS, HumFilter
 from reference.reductions import any_true
 
 FREQUENCIES: Final = (50.0, 60.0)
@@ -72,8 +72,8 @@ class MainsHum(HumFilter):
     `remove` subtracts the hum from the signals of a scan, in place, and keeps them for the estimation; required while
     `sampling`.
 
-    State variables: cosine and sine parts of each taxel's hum [unit of the signals], phase [rad] and frequency [Hz],
-    the signals of the current window.
+    State variables: cosine and sine parts of each taxel's hum by order [unit of the signals], phase [rad] and frequency
+    [Hz], the signals of the current window.
 
     Parameters
     ----------
@@ -88,6 +88,7 @@ class MainsHum(HumFilter):
     def __init__(self, taxels: int, rate: float, noise: float) -> None:
         scans = round(WINDOW * rate) if rate >= SCANS_PER_PERIOD * max(FREQUENCIES) else 0
         super().__init__(taxels, scans)
+        self._orders = [order for order in ORDERS if rate >= SCANS_PER_PERIOD * order * max(FREQUENCIES)]
         self._pause = 0.0
         self._touched = np.zeros(taxels, np.bool_)
         # Hann window: suppresses slow changes.
@@ -110,8 +111,8 @@ class MainsHum(HumFilter):
 
     @property
     def amplitude(self) -> float:
-        """Root mean square of the taxels' amplitudes, in the unit of the signals."""
-        return math.sqrt(2.0 * float(np.mean(self.parts**2)))
+        """Root mean square of the taxels' amplitudes of the fundamental, in the unit of the signals."""
+        return math.sqrt(2.0 * float(np.mean(self.parts[0] ** 2)))
 
     def forget(self) -> None:
         """Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum."""
@@ -166,8 +167,9 @@ class MainsHum(HumFilter):
             self._suspected = now
             return
         self.present = True
-        parts = measured[frequency]
-        self.parts[:] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
+        for index, order in enumerate(self._orders):
+            parts = self._correlate(frequency, order)
+            self.parts[index] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
         self.hum_frequency += phase_change / (TURN * self.time)
         self._windows, self._predicted = 1, 0.0
 
@@ -179,22 +181,25 @@ class MainsHum(HumFilter):
                 self._scale(FADING)
             return
         self._predicted = 0.0
-        residual, parts = self._correlate(self.hum_frequency), self.parts
+        residual, parts = self._correlate(self.hum_frequency), self.parts[0]
         power = float(np.sum(parts[:, free] ** 2))
         if power == 0.0:
             self._reset()
             return
         in_phase = float(np.sum(parts[:, free] * residual[:, free])) / power
         lead = float(np.sum(parts[0, free] * -residual[1, free] + parts[1, free] * residual[0, free])) / power
+        if not touched:
+            self._windows += 1
+            gain = max(1.0 / self._windows, INDIVIDUAL_GAIN)
+            for order, of_order in zip(self._orders, self.parts, strict=False):
+                rest = self._correlate(self.hum_frequency, order)
+                rest -= in_phase * of_order + order * lead * np.stack([of_order[1], -of_order[0]])
+                np.add(of_order, gain * np.where(free, rest, 0.0), out=of_order)
         error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
         self.phase += PHASE_GAIN * error
         self.hum_frequency += FREQUENCY_GAIN * error / (TURN * self.time)
-        if touched:
-            return
-        self._windows += 1
-        individual = residual - in_phase * parts - lead * np.stack([parts[1], -parts[0]])
-        parts += max(1.0 / self._windows, INDIVIDUAL_GAIN) * np.where(free, individual, 0.0)
-        self._scale(1.0 + AMPLITUDE_GAIN * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP))
+        if not touched:
+            self._scale(1.0 + AMPLITUDE_GAIN * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP))
 
     def _scale(self, factor: float) -> None:
         """Scale all amplitudes; drop the hum when it becomes negligible."""
@@ -211,9 +216,9 @@ class MainsHum(HumFilter):
         self._touched[:] = False
         self._pause = 0.0
 
-    def _correlate(self, frequency: float) -> Array:
-        """Return the cosine and sine parts of the window's signals at a frequency [Hz], shape [2, taxels]."""
-        angle = self.phase + TURN * frequency * self.times
+    def _correlate(self, frequency: float, order: int = 1) -> Array:
+        """Return the parts of the window's signals at an order of a fundamental frequency [Hz], shape [2, taxels]."""
+        angle = order * (self.phase + TURN * frequency * self.times)
         parts: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self.window
         return parts
 

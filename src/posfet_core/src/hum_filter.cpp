@@ -15,7 +15,7 @@
 namespace posfet {
 
 HumFilter::HumFilter(std::size_t taxels, std::size_t scans)
-    : taxels_(taxels), parts_(2 * taxels, 0.0), window_(scans * taxels, 0.0), times_(scans, 0.0) {
+    : taxels_(taxels), parts_(2 * kHumOrders.size() * taxels, 0.0), window_(scans * taxels, 0.0), times_(scans, 0.0) {
   state_.sampling = scans > 0;
 }
 
@@ -23,10 +23,14 @@ void HumFilter::remove(double* signal, double step) {
   state_.time += step;
   if (state_.present) {
     const double angle = state_.phase + kTurn * state_.frequency * state_.time;
-    const double cosine = std::cos(angle);
-    const double sine = std::sin(angle);
-    for (std::size_t taxel = 0; taxel < taxels_; ++taxel) {
-      signal[taxel] -= cosine * parts_[taxel] + sine * parts_[taxels_ + taxel];
+    for (std::size_t index = 0; index < kHumOrders.size(); ++index) {
+      const double cosine = std::cos(kHumOrders[index] * angle);
+      const double sine = std::sin(kHumOrders[index] * angle);
+      const double* const of_cosine = parts_.data() + 2 * index * taxels_;
+      const double* const of_sine = of_cosine + taxels_;
+      for (std::size_t taxel = 0; taxel < taxels_; ++taxel) {
+        signal[taxel] -= cosine * of_cosine[taxel] + sine * of_sine[taxel];
+      }
     }
   }
   if (state_.filled < times_.size()) {

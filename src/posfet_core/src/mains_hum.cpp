@@ -34,6 +34,9 @@ MainsHum::MainsHum(std::size_t taxels, double rate, double noise)
       touched_(taxels),
       free_(taxels),
       measured_(2 * taxels) {
+  while (orders_ < kHumOrders.size() && rate >= kScansPerPeriod * kHumOrders[orders_] * kMainsFrequencies.back()) {
+    ++orders_;
+  }
   const double count = std::max(static_cast<double>(scans()), 1.0);
   noise_of_window_ = noise * std::sqrt(3.0 / count);
   for (std::size_t scan = 0; scan < scans(); ++scan) {
@@ -47,10 +50,10 @@ double MainsHum::frequency() const {
 
 double MainsHum::amplitude() const {
   double square = 0.0;
-  for (const double part : parts()) {
-    square += part * part;
+  for (std::size_t part = 0; part < 2 * taxels(); ++part) {
+    square += parts()[part] * parts()[part];
   }
-  return std::sqrt(2.0 * (square / static_cast<double>(parts().size())));
+  return std::sqrt(square / static_cast<double>(taxels()));
 }
 
 void MainsHum::forget() {
@@ -106,7 +109,7 @@ void MainsHum::detect() {
   double frequency = kMainsFrequencies.front();
   Phasor now;
   for (const double each : kMainsFrequencies) {
-    correlate(each);
+    correlate(each, 0);
     const Phasor common = common_phasor();
     if (std::abs(common) > std::abs(now)) {
       frequency = each;
@@ -124,17 +127,22 @@ void MainsHum::detect() {
   state().frequency = frequency;
   if (before && std::abs(phase_change) <= kLargestPhaseChange) {
     suspected_ = false;
-    correlate(frequency);
-    begin(now, phase_change);
+    begin(phase_change);
   }
 }
 
-/// Subtract from now on the hum that was measured; where it was not, that which the free taxels have in `common`.
-void MainsHum::begin(Phasor common, double phase_change) {
+/// Subtract from now on the hum of the window; from taxels that are not free, what the free ones have in common.
+void MainsHum::begin(double phase_change) {
   const std::size_t count = taxels();
-  for (std::size_t taxel = 0; taxel < count; ++taxel) {
-    parts()[taxel] = free_[taxel] ? measured_[taxel] : common.real();
-    parts()[count + taxel] = free_[taxel] ? measured_[count + taxel] : -common.imag();
+  for (std::size_t index = 0; index < orders_; ++index) {
+    correlate(state().frequency, index);
+    const Phasor common = common_phasor();
+    double* const of_cosine = parts().data() + 2 * index * count;
+    double* const of_sine = of_cosine + count;
+    for (std::size_t taxel = 0; taxel < count; ++taxel) {
+      of_cosine[taxel] = free_[taxel] ? measured_[taxel] : common.real();
+      of_sine[taxel] = free_[taxel] ? measured_[count + taxel] : -common.imag();
+    }
   }
   state().present = true;
   state().frequency += phase_change / (kTurn * state().time);
@@ -157,7 +165,7 @@ void MainsHum::predict() {
 void MainsHum::track(bool touched) {
   const std::size_t count = taxels();
   predicted_ = 0.0;
-  correlate(state().frequency);
+  correlate(state().frequency, 0);
   double power = 0.0;
   double in_phase = 0.0;
   double lead = 0.0;
@@ -176,30 +184,35 @@ void MainsHum::track(bool touched) {
   }
   in_phase /= power;
   lead /= power;
+  if (!touched) {
+    ++windows_;
+    const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
+    for (std::size_t index = 0; index < orders_; ++index) {
+      correlate(state().frequency, index);
+      correct(index, gain, in_phase, kHumOrders[index] * lead);
+    }
+  }
   const double error = limited(std::atan2(lead, 1.0 + in_phase));
   state().phase += kPhaseGain * error;
   state().frequency += kFrequencyGain * error / (kTurn * state().time);
   if (!touched) {
-    correct(in_phase, lead);
+    scale(1.0 + kAmplitudeGain * limited(in_phase));
   }
 }
 
-/// Correct the amplitudes by what is left of the hum, beyond what all have in common, and by that.
-void MainsHum::correct(double in_phase, double lead) {
+/// Correct the parts of an order by what the window has left of them, beyond what all orders and taxels have in common.
+void MainsHum::correct(std::size_t index, double gain, double in_phase, double lead) {
   const std::size_t count = taxels();
-  ++windows_;
-  const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
+  double* const of_cosine = parts().data() + 2 * index * count;
+  double* const of_sine = of_cosine + count;
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
     if (free_[taxel]) {
-      double& cosine = parts()[taxel];
-      double& sine = parts()[count + taxel];
-      const double of_cosine = measured_[taxel] - in_phase * cosine - lead * sine;
-      const double of_sine = measured_[count + taxel] - in_phase * sine + lead * cosine;
-      cosine += gain * of_cosine;
-      sine += gain * of_sine;
+      const double cosine = of_cosine[taxel];
+      const double sine = of_sine[taxel];
+      of_cosine[taxel] += gain * (measured_[taxel] - in_phase * cosine - lead * sine);
+      of_sine[taxel] += gain * (measured_[count + taxel] - in_phase * sine + lead * cosine);
     }
   }
-  scale(1.0 + kAmplitudeGain * limited(in_phase));
 }
 
 /// Scale all amplitudes; drop the hum when it becomes negligible.
@@ -223,12 +236,12 @@ void MainsHum::restart_window() {
   pause_ = 0.0;
 }
 
-/// Measure the cosine and sine parts of the window's signals at a frequency [Hz].
-void MainsHum::correlate(double frequency) {
+/// Measure the cosine and sine parts of the window's signals at an order of a fundamental frequency [Hz].
+void MainsHum::correlate(double frequency, std::size_t index) {
   const std::size_t count = taxels();
   std::fill(measured_.begin(), measured_.end(), 0.0);
   for (std::size_t scan = 0; scan < scans(); ++scan) {
-    const double angle = state().phase + kTurn * frequency * times()[scan];
+    const double angle = kHumOrders[index] * (state().phase + kTurn * frequency * times()[scan]);
     const double cosine = std::cos(angle) * weights_[scan];
     const double sine = std::sin(angle) * weights_[scan];
     const double* const signal = window().data() + scan * count;

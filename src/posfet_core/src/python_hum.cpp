@@ -52,9 +52,11 @@ void bind_hum(const py::module_& module) {
           "parts",
           [](const py::object& self) {
             auto& hum = self.cast<HumFilter&>();
-            return view_of(hum.parts().data(), {2, static_cast<py::ssize_t>(hum.taxels())}, self);
+            return view_of(hum.parts().data(),
+                           {static_cast<py::ssize_t>(kHumOrders.size()), 2, static_cast<py::ssize_t>(hum.taxels())},
+                           self);
           },
-          "Cosine and sine parts of each taxel's hum.")
+          "Cosine and sine parts of each taxel's hum, by order.")
       .def_property_readonly(
           "window",
           [](const py::object& self) {
@@ -92,7 +94,8 @@ void bind_hum(const py::module_& module) {
           py::arg("touched"), py::arg("ignored"), py::arg("duration"), "End a block of scans.")
       .def_property_readonly("searches", &MainsHum::searches, "Whether the rate suffices to find hum.")
       .def_property_readonly("frequency", &MainsHum::frequency, "Frequency of the hum [Hz]; NaN: no hum.")
-      .def_property_readonly("amplitude", &MainsHum::amplitude, "Root mean square of the taxels' amplitudes.");
+      .def_property_readonly("amplitude", &MainsHum::amplitude,
+                             "Root mean square of the taxels' amplitudes of the fundamental.");
   module.attr("PREDICTION_TIME") = kPredictionTime;
 }
 

@@ -73,7 +73,13 @@ def play(story: Story, blocks: int) -> int:
         ignored = random.random(taxels) < story.faulty
         for _ in range(scans):
             time += 1.0 / story.rate
-            hum = story.amplitude * on * size * np.cos(2.0 * math.pi * story.frequency * time + ahead)
+            angle = 2.0 * math.pi * story.frequency * time + ahead
+            hum = (
+                story.amplitude
+                * on
+                * size
+                * (np.cos(angle) + 0.2 * np.cos(3.0 * angle + 1.0) + 0.1 * np.sin(5.0 * angle))
+            )
             signal = unit * (hum + random.normal(0.0, 1.0, taxels) + 20.0 * touched * random.normal())
             mine, other = signal.copy(), signal.copy()
             assert compiled.sampling == plain.sampling

@@ -201,7 +201,8 @@ class Both:
         correction, rate = random.normal(0.0, 1e-4, taxels), random.normal(0.0, 1e-3, taxels)
         watched = np.flatnonzero(random.random(taxels) < 0.5)
         watches, removes = random.random() < 0.3, random.random() < 0.5
-        parts, frequency = story.hum * charge_per_newton(story.sensor) * random.normal(0, 1, (2, taxels)), 49.0
+        parts, frequency = charge_per_newton(story.sensor) * random.normal(0, 1, (3, 2, taxels)), 49.0
+        parts *= story.hum * np.array([1.0, 0.2, 0.1]).reshape(3, 1, 1)  # of the fundamental and its harmonics
         for hum, integration in zip(self.hums, self.integrations, strict=True):
             integration.offset_known[:], integration.ignored[:] = known, faulty
             integration.correlated_error[:], integration.correction[:] = error, integration.correction + correction

@@ -90,6 +90,23 @@ def test_hum_is_removed_at_any_mains_frequency(frequency: float, rate: float) ->
     assert mains.frequency == pytest.approx(frequency, abs=0.03)
 
 
+@pytest.mark.parametrize("frequency", [49.8, 60.2])
+@pytest.mark.parametrize(("rate", "left_of_fifth"), [(500.0, 1.0), (1000.0, 0.2)])
+def test_third_and_fifth_harmonics_are_removed_where_the_rate_shows_them(
+    frequency: float, rate: float, left_of_fifth: float
+) -> None:
+    fundamental, third, fifth = (
+        hum(order * frequency, amplitude) for order, amplitude in ((1, 9.0), (3, 1.8), (5, 0.9))
+    )
+    mains = MainsHum(TAXELS, rate, NOISE)
+    left = run(mains, lambda times: fundamental(times) + third(times) + fifth(times), 6.0, rate=rate)
+    times = np.arange(1000) / 1000
+    expected = math.hypot(0.02 * rms(fundamental(times)), 0.1 * rms(third(times)), left_of_fifth * rms(fifth(times)))
+    assert rms(left[-round(rate) :]) < 1.2 * expected
+    touched = run(mains, lambda times: fundamental(times) + third(times) + fifth(times), 2.0, CONTACT, rate, 6.0)
+    assert rms(touched[-round(rate) :]) < 1.5 * expected
+
+
 def test_a_drifting_mains_frequency_is_tracked() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, drift=0.02)
     left = run(mains, shown, 12.0)

@@ -10,10 +10,14 @@
 /// Amplitudes, phase and frequency are estimated at the end of a window; mains_hum.hpp.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
 namespace posfet {
+
+/// Orders of the harmonics of a hum: the fundamental, and those that rectifiers and saturated iron cause [1].
+constexpr std::array<int, 3> kHumOrders{1, 3, 5};
 
 /// Subtracts the hum of signals in any unit.
 class HumFilter {
@@ -23,8 +27,8 @@ public:
     bool present = false;    ///< Whether a hum is subtracted.
     bool sampling = false;   ///< Whether the signals of the scans are kept.
     double frequency = 0.0;  ///< [Hz].
-    double phase = 0.0;      ///< At the start of the window [rad].
-    double time = 0.0;       ///< Since then [s].
+    double phase = 0.0;  ///< Of the fundamental at the start of the window [rad]; those of the others are multiples.
+    double time = 0.0;   ///< Since then [s].
     std::size_t filled = 0;  ///< Number of scans in the window.
   };
 
@@ -36,7 +40,8 @@ public:
   State& state() { return state_; }
   const State& state() const { return state_; }
 
-  /// Cosine and sine parts of each taxel's hum, in the unit of the signals, [2, taxels].
+  /// Cosine and sine parts of each taxel's hum in the order of kHumOrders, in the unit of the signals,
+  /// [orders, 2, taxels].
   std::vector<double>& parts() { return parts_; }
   const std::vector<double>& parts() const { return parts_; }
 

@@ -12,7 +12,9 @@
 /// taxels that are not in contact, for all. So a touch that vibrates at the mains frequency is preserved. Where too few
 /// taxels are untouched, the phase is predicted for a while; after that the hum is no longer subtracted.
 ///
-/// Only the fundamental is estimated. Harmonics stay.
+/// A hum is found, and its phase and frequency are tracked, by the fundamental. Its third and fifth harmonics have
+/// multiples of that phase, and amplitudes and phases of their own on each taxel. Others stay, as do those that the
+/// rate of the scans does not show.
 #pragma once
 
 #include <array>
@@ -84,7 +86,7 @@ public:
   /// Frequency of the hum [Hz]; NaN: no hum.
   double frequency() const;
 
-  /// Root mean square of the taxels' amplitudes, in the unit of the signals.
+  /// Root mean square of the taxels' amplitudes of the fundamental, in the unit of the signals.
   double amplitude() const;
 
   /// Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum.
@@ -99,16 +101,17 @@ private:
 
   bool find_free(const bool* ignored);
   void detect();
-  void begin(Phasor common, double phase_change);
+  void begin(double phase_change);
   void track(bool touched);
   void predict();
-  void correct(double in_phase, double lead);
+  void correct(std::size_t index, double gain, double in_phase, double lead);
   void scale(double factor);
   void reset();
   void restart_window();
-  void correlate(double frequency);
+  void correlate(double frequency, std::size_t index);
   Phasor common_phasor() const;
 
+  std::size_t orders_ = 0;  ///< Number of orders that the rate shows.
   double noise_of_window_;
   double least_;
   std::vector<double> weights_;   ///< Hann window: suppresses slow changes.
@@ -116,7 +119,7 @@ private:
   TaxelFlags touched_;            ///< In the window.
   TaxelFlags free_;               ///< Taxels from which the hum is estimated.
   std::size_t free_count_ = 0;    ///< Their number.
-  std::vector<double> measured_;  ///< Cosine and sine parts of the window's signals at some frequency, [2, taxels].
+  std::vector<double> measured_;  ///< Cosine and sine parts of the window's signals at one order, [2, taxels].
   bool suspected_ = false;
   Phasor before_;  ///< Mean of the free taxels in the previous window, where a hum was suspected.
   std::size_t windows_ = 0;
