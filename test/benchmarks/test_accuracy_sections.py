@@ -21,7 +21,7 @@ from benchmarks.accuracy.ablation import PIECES
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.device.board_effects import BoardEffects
-from posfet_sim.device.film_effects import FilmEffects
+from posfet_sim.device.film_effects import SHAPES, FilmEffects
 
 SENSOR = load_sensor()
 
@@ -31,9 +31,7 @@ def test_every_effect_of_film_and_board_is_alone_in_some_row(moderate_too: bool)
     changed: set[str] = set()
     for case in effects.alone(1, moderate_too):
         board = case.board
-        of_film = {field.name for field in fields(FilmEffects) if getattr(board.film, field.name)} - {
-            "bending_gradient"
-        }
+        of_film = {field.name for field in fields(FilmEffects) if getattr(board.film, field.name)} - set(SHAPES)
         of_board = {field.name for field in fields(BoardEffects) if getattr(board.board, field.name)}
         assert len(of_film) <= 1
         assert not (of_film and of_board)
@@ -45,7 +43,7 @@ def test_every_effect_of_film_and_board_is_alone_in_some_row(moderate_too: bool)
                 for name in ("clock_jitter", "drop_probability")
                 if getattr(board, name) != getattr(effects.BOARD, name)
             }
-    names = {field.name for kind in (FilmEffects, BoardEffects) for field in fields(kind)} - {"bending_gradient"}
+    names = {field.name for kind in (FilmEffects, BoardEffects) for field in fields(kind)} - set(SHAPES)
     assert changed == names | {"clock_jitter", "drop_probability"}
 
 

@@ -29,10 +29,9 @@ from posfet_sim.device.film import (
     REFERENCE_TEMPERATURE,
     RELAXATION_TIME_CONSTANTS,
     WARMTH_FORCE,
-    WARMTH_TIME_CONSTANT,
     Film,
 )
-from posfet_sim.device.film_effects import FILM_KEYS, FilmEffects
+from posfet_sim.device.film_effects import FILM_KEYS, SHAPES, FilmEffects
 from posfet_sim.device.random_streams import Stream
 from posfet_sim.device.random_walk import RandomWalk
 from posfet_sim.device.simulated_board import SimulatedBoard
@@ -46,7 +45,7 @@ SENSOR = load_sensor()
 TAXELS, FULL = SENSOR.layout.taxels, SENSOR.device.force_max
 IDEAL, MODERATE, HARD = FilmEffects.ideal(), FilmEffects.moderate(), FilmEffects.hard()
 SILENT = ErrorModel.none().without_noise()
-EFFECTS = [field.name for field in fields(FilmEffects) if field.name != "bending_gradient"]
+EFFECTS = [field.name for field in fields(FilmEffects) if field.name not in SHAPES]
 DOCUMENT = (DOCS / "simulation.md").read_text(encoding="utf-8")
 AT_ONCE = 1e-9
 """Duration of a force step [s] that no time constant notices."""
@@ -229,12 +228,15 @@ def test_a_random_walk_depends_on_seed_and_time_only() -> None:
     assert many[1].std() == pytest.approx(10.0, rel=0.045)  # 4/sqrt(2*4000)
 
 
+@pytest.mark.parametrize("time_constant", [MODERATE.contact_warmth_time, 0.2, 4.0])
 @pytest.mark.parametrize("warmth", [MODERATE.contact_warmth, HARD.contact_warmth])
-def test_an_object_warms_the_film_of_the_taxels_it_touches_with_its_time_constant(warmth: float) -> None:
-    warm = film(contact_warmth=warmth)
+def test_an_object_warms_the_film_of_the_taxels_it_touches_with_its_time_constant(
+    warmth: float, time_constant: float
+) -> None:
+    warm = film(contact_warmth=warmth, contact_warmth_time=time_constant)
     force = np.zeros((3, TAXELS))
     force[:, 7], force[:, 8] = 3.0, WARMTH_FORCE
-    steps = np.array([AT_ONCE, WARMTH_TIME_CONSTANT, 20.0])
+    steps = np.array([AT_ONCE, time_constant, 40.0 * time_constant])
     rise = warm.respond(force, force, np.zeros(3), steps).temperature_rise
     assert rise[:, 7] == pytest.approx([0.0, warmth * (1 - 1 / math.e), warmth], abs=1e-7)
     assert rise[2, 8] == pytest.approx(warmth * (1 - 1 / math.e), abs=1e-7)
@@ -247,7 +249,7 @@ def test_the_warmth_of_a_touch_generates_pyroelectric_charge() -> None:
     plain, warm = at(board(OneTaxel(2, 2, 1.0)), 0), at(board(OneTaxel(2, 2, 1.0), contact_warmth=0.1), 0)
     for index in range(1, 5):  # short against leakage and warmth
         plain, warm = at(plain, index), at(warm, index)
-    expected = SENSOR.device.pyroelectric_coefficient * 0.1 * (3.5e-3 / WARMTH_TIME_CONSTANT)
+    expected = SENSOR.device.pyroelectric_coefficient * 0.1 * (3.5e-3 / FilmEffects.ideal().contact_warmth_time)
     assert (warm.charge() - plain.charge())[12] == pytest.approx(expected, rel=0.02)  # (3.5 ms)/(0.27 s) leaks
 
 

@@ -48,8 +48,6 @@ CREEP_TIME_CONSTANTS: Final = (1.0, 10.0**0.5, 10.0)
 """Time constants of the viscoelastic creep, with equal shares [s]; assumed."""
 MINOR_HALF_WIDTHS: Final = (0.005, 0.01, 0.02, 0.04)
 """Half-widths of the play operators of the minor loops, relative to the full-scale force [1]; assumed."""
-WARMTH_TIME_CONSTANT: Final = 0.5
-"""Time constant with which an object warms the film it touches, and with which that decays [s]; assumed."""
 WARMTH_FORCE: Final = 0.05
 """Force on a taxel [N] at which it has 1 - 1/e of the contact with an object that it can have; assumed."""
 CHIP_TIME_CONSTANT: Final = 5.0
@@ -98,7 +96,9 @@ class Film:
         self._bending = _bending_shapes(sensor.layout, effects.bending_gradient) if effects.bending else None
         self._delayed = _delayed_response(effects, taxels)
         self._warmth = (
-            PoleBank((WARMTH_TIME_CONSTANT,), (effects.contact_warmth,), taxels) if effects.contact_warmth else None
+            PoleBank((effects.contact_warmth_time,), (effects.contact_warmth,), taxels)
+            if effects.contact_warmth
+            else None
         )
         self._leak_walk = RandomWalk(seed, Stream.LEAK_DRIFT, taxels + 1) if effects.leak_drift else None
         self._leak_before = self._leak_now(np.zeros(1), np.zeros(1))

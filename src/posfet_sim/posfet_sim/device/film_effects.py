@@ -19,6 +19,9 @@ from typing import Final
 
 from posfet_sim.device.error_model_key import Key
 
+SHAPES: Final = ("contact_warmth_time", "bending_gradient")
+"""Values that only say how another effect acts."""
+
 
 @dataclass(frozen=True)
 class FilmEffects:
@@ -44,6 +47,8 @@ class FilmEffects:
     """Random walk of the logarithm of the leakage time constant [1/sqrt(s)]."""
     contact_warmth: float
     """Steady temperature rise of the film of a firmly touched taxel above that of the chip [K]."""
+    contact_warmth_time: float
+    """Time constant of that temperature rise [s]: of the object and its cover, from 0.2 s to some seconds."""
     chip_warming: float
     """Steady temperature rise of the chip per total force of the objects on the array [K/N]."""
     bending: float
@@ -56,7 +61,7 @@ class FilmEffects:
     @property
     def any_on(self) -> bool:
         """Whether any effect is on."""
-        return any(getattr(self, field.name) for field in fields(self) if field.name != "bending_gradient")
+        return any(getattr(self, field.name) for field in fields(self) if field.name not in SHAPES)
 
     @classmethod
     def ideal(cls) -> FilmEffects:
@@ -75,6 +80,7 @@ class FilmEffects:
             leak_halving=15.0,
             leak_drift=0.01 / math.sqrt(60.0),
             contact_warmth=0.03,
+            contact_warmth_time=0.5,
             chip_warming=0.05,
             bending=2e-3,
             bending_gradient=0.5,
@@ -106,6 +112,7 @@ FILM_KEYS: Final = (
     Key("film", "leak_halving_K", "leak_halving", 0.0, 1.0, 0, 1000),
     Key("film", "leak_drift_percent_per_sqrt_min", "leak_drift", 0.0, 1e-2 / math.sqrt(60.0), 0, 20),
     Key("film", "contact_warmth_K", "contact_warmth", 0.0, 1.0, -5, 5),
+    Key("film", "contact_warmth_time_s", "contact_warmth_time", 0.5, 1.0, 0.02, 60),
     Key("film", "chip_warming_K_per_N", "chip_warming", 0.0, 1.0, -5, 5),
     Key("film", "bending_mN_per_N", "bending", 0.0, 1e-3, -100, 100),
     Key("film", "bending_gradient", "bending_gradient", 0.5, 1.0, 0, 1),
