@@ -212,3 +212,15 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     assert read.relaxation_sizes.size == 0
     assert (read.gain_deviation == CALIBRATED_GAIN_DEVIATION).all()
     assert (read.leak_deviation == CALIBRATED_LEAK_DEVIATION).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_taxel_with_a_stuck_bit_is_dead_and_the_others_are_calibrated(seed: int) -> None:
+    default = ErrorModel.default()
+    board = replace(default, resets_per_hour=0.0, board=replace(default.board, stuck_bit=7))
+    found = simulated_bench.calibrate(SENSOR, seed, board)
+    sound = simulated_bench.calibrate(SENSOR, seed, replace(board, board=default.board))
+    stuck = found.dead & ~sound.dead
+    assert stuck.sum() == 1
+    assert (sound.dead <= found.dead).all()
+    np.testing.assert_allclose(found.gain[~found.dead], sound.gain[~found.dead], rtol=0.01)

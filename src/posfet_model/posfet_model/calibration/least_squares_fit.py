@@ -44,6 +44,7 @@ from posfet_model.calibration.response_fit import (
     block_size,
     fit_responses,
 )
+from posfet_model.calibration.stuck_bits import find_stuck_bits
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
     CALIBRATED_COMMON_LEAK_DEVIATION,
@@ -171,7 +172,8 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     )
     data.compensate(_crosstalk(first))
     presses = fit_responses(data.press_segments(), data.noise, data.start(SOURCES), nominal_rate)
-    dead = np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(data.taxels)])
+    dead = find_stuck_bits(recording.counts)
+    dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(data.taxels)])
     if dead.all():
         raise ValueError("no taxel responds to the force: nothing to calibrate")
     check_ranges(sensor, presses, dead)
