@@ -193,7 +193,8 @@ class MainsHum(HumFilter):
             gain = max(1.0 / self._windows, INDIVIDUAL_GAIN)
             for order, of_order in zip(self._orders, self.parts, strict=False):
                 rest = self._correlate(self.hum_frequency, order)
-                rest -= in_phase * of_order + order * lead * np.stack([of_order[1], -of_order[0]])
+                if order == 1:
+                    rest -= in_phase * of_order + lead * np.stack([of_order[1], -of_order[0]])
                 np.add(of_order, gain * np.where(free, rest, 0.0), out=of_order)
         error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
         self.phase += PHASE_GAIN * error

@@ -189,7 +189,8 @@ void MainsHum::track(bool touched) {
     const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
     for (std::size_t index = 0; index < orders_; ++index) {
       correlate(state().frequency, index);
-      correct(index, gain, in_phase, kHumOrders[index] * lead);
+      const bool fundamental = index == 0;  // of which alone it is measured what all taxels have in common
+      correct(index, gain, fundamental ? in_phase : 0.0, fundamental ? lead : 0.0);
     }
   }
   const double error = limited(std::atan2(lead, 1.0 + in_phase));
@@ -200,7 +201,7 @@ void MainsHum::track(bool touched) {
   }
 }
 
-/// Correct the parts of an order by what the window has left of them, beyond what all orders and taxels have in common.
+/// Correct the parts of an order by what the window has left of them, beyond what all taxels have in common.
 void MainsHum::correct(std::size_t index, double gain, double in_phase, double lead) {
   const std::size_t count = taxels();
   double* const of_cosine = parts().data() + 2 * index * count;

@@ -121,17 +121,18 @@ DEVIATION = 0.01
 
 
 class Release:
-    """The detector with contacts that stay listed, and the same variance for all taxels."""
+    """The detector with contacts that stay listed."""
 
     def __init__(self) -> None:
         self.detector = ReleaseDetector(TAXELS)
+        self.variance = np.full(TAXELS, DEVIATION**2)
 
     def run(self, forces: Sequence[Array], contacts: Sequence[NDArray[np.intp]] = (CONTACT,)) -> list[list[int]]:
         touched = NOWHERE.copy()
         touched[np.concatenate(contacts)] = True
         found = []
         for force in forces:
-            released = self.detector.update(contacts, force, touched, np.full(TAXELS, DEVIATION**2), NOISE)
+            released = self.detector.update(contacts, force, touched, self.variance, NOISE)
             found.append(np.flatnonzero(released).tolist())
         return found
 
@@ -162,6 +163,17 @@ def test_a_contact_is_not_released_while_it_has_a_good_part_of_its_peak_left() -
     # Within its uncertainty, but no less than before: a light touch that has been measured badly is not over.
     assert first(Release().run(hold(DEVIATION, 200))) is None
     assert first(Release().run(hold(2.5 * DEVIATION, 20) + hold(1.2 * RELEASED_SHARE * 2.5 * DEVIATION, 50))) is None
+
+
+def test_a_taxel_whose_force_is_hardly_known_does_not_keep_the_contact_of_an_object_that_left() -> None:
+    """As after minutes with another offset of its signal than was known; its contact shrinks to it."""
+    release, taxel = Release(), int(CONTACT[0])
+    release.variance[taxel] = 1.0
+    release.run(hold(1.0, 20))
+    assert first(release.run([at(0.8, taxel)] * 20, [CONTACT[:1]])) is not None
+    release.run(hold(1.0, 20))
+    release.variance[:] = 1.0
+    assert first(release.run(hold(0.4, 50))) is None, "most of the object may have stayed"
 
 
 def test_a_contact_is_not_released_while_it_moves() -> None:

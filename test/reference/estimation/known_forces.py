@@ -151,14 +151,19 @@ def _mean_square(count: int) -> float:
     return (1.0 - spread + RELEASED_DEVIATIONS * math.sqrt(spread)) ** 3
 
 
+def _total(forces: Array) -> float:
+    """Return a sum in the order of the taxels [N]."""
+    return float(np.cumsum(forces)[-1])
+
+
 class ReleaseDetector:
     """Finds contacts that are still listed, as their forces are above the threshold, but were released.
 
     A contact was released when its forces are jointly within their uncertainty, small against its recent peak, and
     still; without the last, the end of a slow release would become zero too early.
 
-    State variables: peak force of each taxel [N], the means of the last blocks, and the number of blocks for which each
-    contact has looked released.
+    State variables: recent peak of each taxel's force and of the total force of the contact it was in [N], the means of
+    the last blocks, and the number of blocks for which each contact has looked released.
 
     Parameters
     ----------
@@ -167,7 +172,7 @@ class ReleaseDetector:
     """
 
     def __init__(self, taxels: int) -> None:
-        self._peak = np.zeros(taxels)
+        self._peak, self._object = np.zeros(taxels), np.zeros(taxels)
         self._means: deque[Array] = deque(maxlen=STILL_BLOCKS + 1)
         self._blocks = np.zeros(taxels, np.intp)
 
@@ -190,9 +195,11 @@ class ReleaseDetector:
             Standard deviation of a mean [N].
         """
         self._peak *= PEAK_DECAY
+        self._object *= PEAK_DECAY
         np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
         for contact in contacts:
             self._peak[contact] = self._peak[contact].max()  # one object: what is left at its edge was its, too
+            self._object[contact] = max(float(self._object[contact].max()), _total(mean[contact]))
         self._means.append(mean)
         if not contacts:
             self._blocks[:] = 0
@@ -205,7 +212,7 @@ class ReleaseDetector:
                 force = mean[contact]
                 moved = float(np.abs(force - before[contact]).max())
                 looks[contact] = (
-                    float(force.max()) < RELEASED_SHARE * peak
+                    _total(force) < RELEASED_SHARE * float(self._object[contact].max())
                     and moved < GATE * noise + RESIDUAL_MOTION * peak
                     and float(np.mean(force * force / variance[contact])) < _mean_square(len(contact))
                 )

@@ -75,23 +75,32 @@ void UnexplainedResiduals::reset() {
 }
 
 ReleaseDetector::ReleaseDetector(std::size_t taxels)
-    : peak_(taxels, 0.0), means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)), blocks_(taxels, 0) {}
+    : peak_(taxels, 0.0),
+      object_(taxels, 0.0),
+      means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)),
+      blocks_(taxels, 0) {}
 
 bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched,
                              const double* variance, double noise, bool* released) {
   const std::size_t taxels = peak_.size();
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     peak_[taxel] = std::max(kPeakDecay * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
+    object_[taxel] *= kPeakDecay;
   }
   means_[seen_ % means_.size()].assign(mean, mean + taxels);
   ++seen_;
   for (const Taxels* contact : contacts) {
     double greatest = 0.0;  // one object: what is left at its edge was its, too
+    double total = 0.0;
+    double object = 0.0;
     for (const Taxel taxel : *contact) {
       greatest = std::max(greatest, peak_[static_cast<std::size_t>(taxel)]);
+      total += mean[taxel];
+      object = std::max(object, object_[static_cast<std::size_t>(taxel)]);
     }
     for (const Taxel taxel : *contact) {
       peak_[static_cast<std::size_t>(taxel)] = greatest;
+      object_[static_cast<std::size_t>(taxel)] = std::max(object, total);
     }
   }
   std::fill(released, released + taxels, false);
@@ -126,17 +135,19 @@ bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, 
   }
   const std::vector<double>& before = means_[seen_ % means_.size()];
   double peak = 0.0;
-  double greatest = -std::numeric_limits<double>::infinity();
+  double object = 0.0;
+  double total = 0.0;
   double moved = 0.0;
   double squares = 0.0;
   for (const Taxel each : contact) {
     const auto taxel = static_cast<std::size_t>(each);
     peak = std::max(peak, peak_[taxel]);
-    greatest = std::max(greatest, mean[taxel]);
+    object = std::max(object, object_[taxel]);
+    total += mean[taxel];
     moved = std::max(moved, std::abs(mean[taxel] - before[taxel]));
     squares += mean[taxel] * mean[taxel] / variance[taxel];
   }
-  return greatest < kReleasedShare * peak && moved < kGate * noise + kResidualMotion * peak &&
+  return total < kReleasedShare * object && moved < kGate * noise + kResidualMotion * peak &&
          squares / static_cast<double>(contact.size()) < mean_square(contact.size());
 }
 

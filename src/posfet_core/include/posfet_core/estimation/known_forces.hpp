@@ -87,7 +87,8 @@ public:
   /// Blocks for which a contact must look released.
   static constexpr int kReleasedBlocks = 3;
 
-  /// A released contact has less than this share of its recent peak left [1].
+  /// A released contact has less than this share of the recent peak of its total force left [1]. Of the force of a
+  /// single taxel an error may be much, after a long touch.
   static constexpr double kReleasedShare = 0.3;
 
   /// Deviations by which the squares of a released contact's forces may exceed their mean [1]: zero forces do so once
@@ -121,6 +122,7 @@ private:
   bool looks_released(const Taxels& contact, const double* mean, const double* variance, double noise) const;
 
   std::vector<double> peak_;                ///< Recent peak force of each taxel [N].
+  std::vector<double> object_;              ///< Recent peak of the total force of the contact that it was in [N].
   std::vector<std::vector<double>> means_;  ///< Means of the last blocks, in turn.
   std::size_t seen_ = 0;                    ///< Number of blocks.
   std::vector<int> blocks_;                 ///< Number of blocks for which the contact of a taxel has looked released.
