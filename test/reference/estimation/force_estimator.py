@@ -124,6 +124,9 @@ HOTTEST: Final = 1e3
 GREATEST_WARMTH: Final = 0.08
 """Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
 
+BEYOND_RANGE: Final = 1.25
+"""Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one."""
+
 NEGLIGIBLE: Final = 1e-12
 """Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
 
@@ -981,7 +984,8 @@ class ForceEstimator:
         self._own = own
 
     def _is_valid(self) -> bool:
-        sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask | self.ignored
+        sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask
+        sound = sound & (self.force <= BEYOND_RANGE * (self._runaway / RUNAWAY)) | self.ignored
         touched = self._touched & ~self.ignored
         any_touched = any_true(touched)
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)

@@ -24,6 +24,9 @@ namespace {
 /// Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then.
 constexpr double kGreatestWarmth = 0.08;
 
+/// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
+constexpr double kBeyondRange = 1.25;
+
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
 
@@ -140,7 +143,8 @@ bool ForceEstimator::is_valid() {
       missing += unexplained_.rising()[taxel] && informative_[taxel] ? mean_[taxel] : 0.0;
       continue;
     }
-    sound = sound && offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel];
+    sound = sound && offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
+            force()[taxel] <= kBeyondRange * array_.greatest_force;
     any_touched = any_touched || touched_[taxel];
     touching += touched_[taxel] ? force()[taxel] : 0.0;
   }
