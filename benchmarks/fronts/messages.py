@@ -21,13 +21,14 @@ from benchmarks.fronts.labelling import SENSOR, recorded
 from benchmarks.outcome import shown
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.ros.map_outputs import MapOutputs
 from posfet_model.ros.model_outputs import ModelOutputs
 from posfet_model.ros.output_qos import OUTPUT_DEPTH, output_qos
-from posfet_model.ros.subscriptions import MAX_AGE, SubscriptionCache
+from posfet_model.ros.subscriptions import REFRESH_PERIOD, SubscriptionCache
 from posfet_model.sensor.scan import Scan
 
 SCANS = 500
-PERIODS = {"every scan": 0.0, "every 10 ms": 0.01, "every 100 ms": MAX_AGE / NANOSECONDS, "every 1 s": 1.0}
+PERIODS = {"every scan": 0.0, "every 10 ms": 0.01, "every 100 ms": 0.1, "every 1 s": 1.0}
 """How often a publisher's subscribers are counted [s]."""
 
 TRIALS = 40
@@ -44,6 +45,7 @@ class Outputs:
 
     def __init__(self, node: Any) -> None:
         self._outputs = ModelOutputs(node, True, True, output_qos("reliable", OUTPUT_DEPTH), display_rate=30.0)
+        self._outputs.add(MapOutputs(node, output_qos("reliable", OUTPUT_DEPTH), self._outputs.display))
         self._outputs.describe(SENSOR, "array")
         self._all = set(self._outputs._subscriptions._publishers)
         self._contacts = {self._outputs.contacts}
@@ -93,8 +95,7 @@ def longest_wait(period: float, topics: int) -> float:
     random = np.random.default_rng(1)
     for _ in range(TRIALS):
         publishers = [Subscribed() for _ in range(topics)]
-        cache = SubscriptionCache(*publishers)
-        cache._period = int(period * NANOSECONDS) // topics
+        cache = SubscriptionCache(*publishers, period=int(period * NANOSECONDS) // topics)
         begin, chosen = float(random.uniform(2.0, 4.0)), publishers[int(random.integers(topics))]
         for index in range(10_000):
             now = 1.0 + index * step
@@ -134,7 +135,7 @@ def _messages(scans: int, effort: Effort) -> Front:
     ]
     choices.append(Choice("every message", "", 0.0, tuple(each / scans for each in seconds["everything"])))
     own, every = choices[2], choices[-1]
-    age = MAX_AGE / NANOSECONDS
+    age = topics * REFRESH_PERIOD / NANOSECONDS
     return Front(
         "skipped_messages",
         "Skipped work, messages without subscribers",

@@ -26,17 +26,20 @@ class Publisher(Protocol):
 class SubscriptionCache:
     """Knows which publishers have subscribers.
 
-    One count is refreshed each `REFRESH_PERIOD`, so that no scan waits for all of them; after a pause those that are
-    due are refreshed at once.
+    One count is refreshed in each period, so that no scan waits for all of them; after a pause those that are due are
+    refreshed at once.
 
     Parameters
     ----------
     *publishers : Publisher
         Publishers to look at.
+    period : int, optional
+        Time between two refreshes [ns].
     """
 
-    def __init__(self, *publishers: Publisher) -> None:
+    def __init__(self, *publishers: Publisher, period: int = REFRESH_PERIOD) -> None:
         self._publishers = publishers
+        self._period = period
         self._index = 0
         self._next_refresh = 0
         self._subscribed: set[Publisher] = set()
@@ -44,10 +47,10 @@ class SubscriptionCache:
     def subscribed(self, now: int) -> Set[Publisher]:
         """Return the publishers that had subscribers at their last refresh; `now` is a monotonic time [ns]."""
         if now >= self._next_refresh:
-            due = 1 + (now - self._next_refresh) // REFRESH_PERIOD
+            due = 1 + (now - self._next_refresh) // self._period
             for _ in range(min(due, len(self._publishers))):
                 self._refresh_next()
-            self._next_refresh = now + REFRESH_PERIOD
+            self._next_refresh = now + self._period
         return self._subscribed
 
     def any(self, now: int) -> bool:
