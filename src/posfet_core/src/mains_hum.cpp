@@ -187,10 +187,11 @@ void MainsHum::track(bool touched) {
   if (!touched) {
     ++windows_;
     const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
-    for (std::size_t index = 0; index < orders_; ++index) {
+    correct(0, gain, in_phase, lead);
+    for (std::size_t index = 1; index < orders_;
+         ++index) {  // of these it is not measured what all taxels have in common
       correlate(state().frequency, index);
-      const bool fundamental = index == 0;  // of which alone it is measured what all taxels have in common
-      correct(index, gain, fundamental ? in_phase : 0.0, fundamental ? lead : 0.0);
+      correct(index, gain, 0.0, 0.0);
     }
   }
   const double error = limited(std::atan2(lead, 1.0 + in_phase));

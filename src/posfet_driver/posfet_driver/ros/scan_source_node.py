@@ -32,7 +32,7 @@ from posfet_model.ros.diagnostic_array import hardware_id
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
 from posfet_model.ros.output_qos import output_qos
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
-from posfet_model.ros.subscriptions import SubscriptionCache
+from posfet_model.ros.subscriptions import SUBSCRIBER_CHECK_PERIOD, SubscriptionCache
 from posfet_model.ros.supervision import RESTART_PERIOD, RestartPolicy, described
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
@@ -42,8 +42,6 @@ RAW_DEPTH = 1000
 """Depth of the publisher's queue: one second of scans for a delayed subscriber."""
 READ_TIMEOUT = 0.1
 """Longest wait of the data thread [s]: bounds the time that a shutdown takes."""
-SUBSCRIBER_CHECK_PERIOD = 0.01
-"""Period at which the data thread checks for the first subscriber [s]."""
 REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
 AT_ONCE = 1e-3

@@ -38,6 +38,7 @@ from posfet_model.ros.queue_delay import QueueDelay
 from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.scan_reader import ScanReader
+from posfet_model.ros.subscriptions import SUBSCRIBER_CHECK_PERIOD
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
@@ -46,8 +47,6 @@ if TYPE_CHECKING:
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
-SUBSCRIBER_CHECK_PERIOD = 0.01
-"""Period at which the first subscriber is looked for [s]."""
 
 
 class ModelNode(SupervisedLifecycleNode):

@@ -12,8 +12,12 @@ from __future__ import annotations
 from collections.abc import Set
 from typing import Final, Protocol
 
+from posfet_model._lib.units import NANOSECONDS
+
 REFRESH_PERIOD: Final = 10_000_000
 """Time between the refreshes of two subscription counts [ns]: a single publisher sees a subscriber after it."""
+SUBSCRIBER_CHECK_PERIOD: Final = REFRESH_PERIOD / NANOSECONDS
+"""The same [s], at which a thread looks for the first subscriber."""
 
 
 class Publisher(Protocol):
