@@ -45,7 +45,7 @@ WARMING_TOLERANCE = 1e-7
 """The same while the film's temperature jumps. The filter then admits a change a million times greater than what is
 left of it after the update: those digits are lost. Up to 2e-9 was seen."""
 
-ONSET, WARMING, GAP, FAULTS, TARE, SATURATION, LONG_STEPS, UNLISTED = range(8)
+ONSET, WARMING, GAP, FAULTS, TARE, SATURATION, LONG_STEPS, UNLISTED, DIVERGED = range(9)
 
 
 @dataclass(frozen=True)
@@ -292,6 +292,9 @@ def play(story: Story, blocks: int) -> Counter[str]:
                 estimator.set_noise_variance(noise)
         if kind == TARE:
             both.tare(bool(random.random() < 0.3))
+        if kind == DIVERGED:
+            for estimator in both.each():
+                estimator.belief.own[:, 0, 0] = math.nan
         saturated = random.random(both.taxels) < 0.2 if kind == SATURATION else None
         if block % 5 == 0:
             readings = film.readings()
@@ -329,6 +332,7 @@ STORIES = {
     "interruptions": (Story(5, 5, 5, trouble=0.2, kinds=(ONSET, GAP)), ("lower bound", "invalid")),
     "telegraph noise": (Story(5, 5, 6, telegraph=5e-3), ("jumps observed",)),
     "presses that are found late": (Story(5, 5, 7, trouble=0.3, kinds=(ONSET, UNLISTED)), ("absorbed",)),
+    "a filter that diverges": (Story(5, 5, 9, trouble=0.03, kinds=(ONSET, DIVERGED)), ("restarts", "valid")),
     "one taxel": (Story(1, 1, 8, trouble=0.2), ("touched",)),
 }
 """Stories by name, with what happens in them."""

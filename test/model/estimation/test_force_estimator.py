@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -686,3 +687,22 @@ def test_a_film_that_hardly_responds_to_its_temperature_is_one_that_does_not() -
     forces = history(watch, with_device(pyroelectric_coefficient=0.0), 3.0, force=press(2.5, 1.5, 9.0), shape=shape)
     assert np.isfinite(forces).all()
     assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("impossible", ["variance", "temperature"])
+def test_a_filter_that_diverged_starts_over(impossible: str) -> None:
+    watch = Watch()
+    stream = scans(SENSOR, 4.0, force=press(1.0, 3.0, 9.0))
+    for time, scan in islice(stream, 1000):
+        watch.process(time, scan)
+    assert watch.valid[-1]
+    belief = watch.estimator.belief
+    if impossible == "variance":
+        belief.own[:, 0, 0] = math.nan
+    else:
+        belief.error[:, 0] = 1e5  # all forces fall by 1e5 N, as if the film cooled
+    forces = np.array([watch.process(time, scan).copy() for time, scan in stream])
+    assert watch.estimator.restarts == TAXELS
+    assert not watch.valid[1020]
+    assert all(watch.valid[2500:])
+    assert forces[2500:].sum(axis=1).mean() == pytest.approx(1.0, rel=0.05)

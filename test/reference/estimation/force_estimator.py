@@ -46,7 +46,7 @@ from reference.estimation.steady_force import HOP, steady_force
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
-from reference.reductions import any_true, upper_median
+from reference.reductions import any_true, median, upper_median
 
 BLOCK: Final = 0.02
 """Duration of a block [s]."""
@@ -231,6 +231,7 @@ class ForceEstimator:
         self._per_kelvin[taxels * HOTTEST * np.abs(self._per_kelvin) < LEAST_DEVIATION * self._threshold] = 0.0
         self._mean_per_kelvin = float(self._per_kelvin.mean())
         self._noise_variance = np.full(taxels, noise**2)
+        self._newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
         whole = float(np.abs(self._per_kelvin).sum())
         self._negligible = LEAST_DEVIATION * self._threshold / whole if whole else math.inf
         self.max_relative_uncertainty = max_relative_uncertainty
@@ -238,7 +239,7 @@ class ForceEstimator:
         self._runaway = RUNAWAY * device.force_max
         self.integration = self._integration = scan_path.ForceIntegration(
             self._tau,
-            1.0 / (charge_per_newton(sensor) * gain),
+            self._newton_per_charge,
             self._per_kelvin,
             LONG_STEP * float(self._tau.min()),
             greatest_loss=LEAST_DEVIATION * self._threshold,
@@ -252,8 +253,7 @@ class ForceEstimator:
         self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
         self._dynamics = SharedDynamics(p, self._film_lag)
         self._gain = np.hypot(calibration.gain_deviation, p.gain_least)
-        self._gain_common = calibration.common_gain_deviation
-        self._leak = calibration.leak_deviation
+        self._gain_common, self._leak = calibration.common_gain_deviation, calibration.leak_deviation
         self._filter = ForceErrorFilter(start_belief(taxels, start_mean(p), start_covariance(p)))
         self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
@@ -452,6 +452,25 @@ class ForceEstimator:
         contacts : sequence of ndarray of int
             Taxels of each contact.
         """
+        try:
+            self._estimate(touched, contacts)
+        except ValueError:  # the covariance of the filter is none
+            self._start_over()
+
+    def _start_over(self) -> None:
+        """Forget all that the filter believes: what it says is impossible."""
+        self.restarts += int(np.count_nonzero(~self.ignored))
+        taxels, p = len(self.force), self._priors
+        self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
+        self._touch.reset()
+        self._listed = self._touched = self._beside = self._nowhere
+        self.offset_known[:] = False
+        self.force[:] = 0.0
+        self.valid = False
+        self.start(self._integration.signal / self._newton_per_charge)
+
+    def _estimate(self, touched: Mask, contacts: Sequence[NDArray[np.intp]]) -> None:
+        """Process the block that is due; raise ValueError where the belief is none that can be."""
         self._apply_clipped()
         listed = touched & self.offset_known
         if any_true(lost := self._unreleased(listed)):
@@ -484,6 +503,8 @@ class ForceEstimator:
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
         self._touched, self._beside = touched, beside
+        if not abs(self.belief.shared[Shared.FILM]) < HOTTEST:
+            raise ValueError("no film survives this temperature")
         self._finish(block)
 
     def _find_touched(self, listed: Mask) -> Mask:
@@ -961,10 +982,15 @@ class ForceEstimator:
     def _absorbed(self) -> Array:
         """Return what a slow press may have lost to zeros [N].
 
-        It counts in the deviation only: the filter would explain the rest of the press by it.
+        It counts in the deviation only: the filter would explain the rest of the press by it. What the untouched taxels
+        have in common by the pattern of their pyroelectric responses is what the temperature of the film seemed to be
+        until the sensors said otherwise, and no press.
         """
-        absorbed: Array = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
-        return absorbed
+        absorbed: Array = self.belief.error[:, 0] - self._usual
+        untouched = ~(self._touched | self.ignored)
+        if self._uniform.observable and np.count_nonzero(untouched) >= UniformChange.FEWEST:
+            absorbed = absorbed - self._per_kelvin * median((absorbed / self._per_kelvin)[untouched])
+        return np.maximum(absorbed, 0.0)
 
     def _set_covariance(self, block: Block) -> None:
         held, belief = np.maximum(self.force * self._touched, 0.0), self.belief

@@ -17,7 +17,9 @@ import pytest
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.commands.score import Run, perturbed, run
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import Scene, load_scene
 from posfet_sim.scene.scene import Keyframes
@@ -47,6 +49,17 @@ def test_a_warm_finger_is_detected_and_measured_during_ambient_warming(differenc
     assert (score.contact_precision, score.id_switches) == (1.0, 0)
     assert score.contact_recall is not None and score.contact_recall > 0.99
     assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
+
+
+@pytest.mark.parametrize("board", [1, 2, 3, 4])
+def test_a_film_that_responds_less_to_its_temperature_leaves_forces_valid(board: int) -> None:
+    """What it seemed to be colder by was in the errors of all taxels, as if a slow press had been absorbed."""
+    device, errors = perturbed(SENSOR, {"pyroelectric": -20.0}), ErrorModel.default()
+    calibration = calibrate(SENSOR, board, errors).with_gain_error(0.05, np.random.default_rng(board))
+    scene = load_scene("warm_finger", SENSOR)
+    score = run(Run(SENSOR, scene, 9.0, board, errors, calibration=calibration, device=device))
+    assert score.valid_pct is not None and score.valid_pct > 95.0
+    assert score.misleading_pct is not None and score.misleading_pct < 2.0
 
 
 @pytest.mark.parametrize("pyroelectric", [-20.0, 0.0, 20.0])

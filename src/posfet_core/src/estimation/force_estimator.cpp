@@ -109,27 +109,10 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,
-           &mean_,
-           &last_mean_,
-           &steady_,
-           &usual_,
-           &stepped_,
-           &untouched_time_,
-           &usual_offset_,
-           &cooling_,
-           &tail_,
-           &touch_force_,
-           &warmth_,
-           &own_,
-           &measured_,
-           &noise_,
-           &residual_,
-           &untouched_variance_,
-           &deviation_,
-           &own_deviation_,
-           &leaked_share_,
-           &values_,
+           &leaked_,         &mean_,          &last_mean_,    &steady_,  &usual_,    &stepped_,
+           &untouched_time_, &usual_offset_,  &absorbed_,     &cooling_, &tail_,     &touch_force_,
+           &warmth_,         &own_,           &measured_,     &noise_,   &residual_, &untouched_variance_,
+           &deviation_,      &own_deviation_, &leaked_share_, &values_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -316,6 +299,20 @@ void ForceEstimator::start(const double* charge) {
   start_block();
 }
 
+/// Forget all that the filter believes: what it says is impossible.
+void ForceEstimator::start_over() {
+  restarts_ += usable();
+  *belief() = *make_belief(taxels(), priors_);
+  touch_.reset();
+  for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
+    mask->fill(false);
+  }
+  std::fill(state().force.begin(), state().force.end(), 0.0);
+  integration_->block().valid = false;
+  const std::vector<double> charge = integration_->inverse().charge();
+  start(charge.data());
+}
+
 /// Add to the force errors what offsets and common drift cause in a time [s], which may be negative.
 void ForceEstimator::integrate(double time) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -386,6 +383,15 @@ void ForceEstimator::start_block() {
 // The end of a block.
 
 void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxels*>& contacts) {
+  try {
+    estimate(in_contact, contacts);
+  } catch (const std::domain_error&) {
+    start_over();
+  }
+}
+
+/// Process the block that is due. Throws std::domain_error where the belief is none that can be.
+void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*>& contacts) {
   apply_clipped();
   Block& block = blocks_.next();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -426,6 +432,10 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
   }
   touched_.set(block.touched.data());
   surroundings_.dilate(touched_, beside_);
+  const bool possible = std::abs(belief()->shared[kFilm]) < kHottest;  // false for NaN
+  if (!possible) {
+    throw std::domain_error("no film survives this temperature");
+  }
   finish(block);
 }
 

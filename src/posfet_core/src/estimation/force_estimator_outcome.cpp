@@ -14,6 +14,7 @@
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"
+#include "posfet_core/medians.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
@@ -91,16 +92,28 @@ void ForceEstimator::follow_usual(const Block& block) {
   }
 }
 
-/// What a slow press may have lost to zeros [N]. It counts in the deviation only: the filter would explain the rest of
-/// the press by it.
-double ForceEstimator::absorbed(std::size_t taxel) const {
-  return std::max(belief()->error_of(taxel)[kForceError] - usual_[taxel], 0.0);
+/// Find what a slow press may have lost to zeros [N]. It counts in the deviation only: the filter would explain the
+/// rest of the press by it. What the untouched taxels have in common by the pattern of their pyroelectric responses is
+/// what the temperature of the film seemed to be until the sensors said otherwise, and no press.
+void ForceEstimator::find_absorbed(std::vector<double>& out) const {
+  Vector<double> kelvins;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    out[taxel] = belief()->error_of(taxel)[kForceError] - usual_[taxel];
+    if (uniform_.observable() && !touched_[taxel] && !ignored()[taxel]) {
+      kelvins.push_back(out[taxel] / array_.newton_per_kelvin[taxel]);
+    }
+  }
+  const double film = kelvins.size() < kFewestForUniform ? 0.0 : median(kelvins);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    out[taxel] = std::max(out[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
+  }
 }
 
 void ForceEstimator::set_covariance(const Block& block) {
   const Belief& b = *belief();
   ForceIntegration::State& s = state();
   std::vector<double>& shared_variance = values_;
+  find_absorbed(absorbed_);
   filter_.covariance_root(block.response.data(), own_.data(), response_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* sensitivity = sensitivity_.data() + taxel * kSharedStates;
@@ -119,7 +132,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
     factor[kSharedStates] = array_.common_gain_deviation * held;
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
-    factor[kSharedStates + 2] = absorbed(taxel);
+    factor[kSharedStates + 2] = absorbed_[taxel];
     factor[kSharedStates + 3] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
     // temperature contributes, which grows during a touch only.

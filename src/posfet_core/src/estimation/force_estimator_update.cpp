@@ -394,9 +394,10 @@ void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& co
   if (!release_.update(contacts, mean_.data(), touched_.data(), variance.data(), noise, chosen_.data())) {
     return;
   }
+  find_absorbed(absorbed_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed(taxel));
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * (warmth_variance(block, taxel) + square(kLeastTail));
   }

@@ -119,7 +119,8 @@ public:
   void interrupt();
 
   /// Process the block that is due: the taxels in contact at any time of it, and those of each contact. Has no effect
-  /// where the offset is unknown: there a constant force is as informative as no force.
+  /// where the offset is unknown: there a constant force is as informative as no force. A filter that diverged starts
+  /// over, with all offsets unknown, and counts in `restarts`.
   void close_block(const bool* in_contact, const Vector<const Taxels*>& contacts);
 
   /// Set the faulty taxels; one that works again restarts with an unknown offset.
@@ -166,11 +167,13 @@ private:
   double warmth_variance(const Block& block, std::size_t taxel) const;
   double tail_spread() const;
   double film_rate() const;
-  double absorbed(std::size_t taxel) const;
+  void find_absorbed(std::vector<double>& out) const;
   bool warms() const;
   std::size_t usable() const;
 
   void apply_clipped();
+  void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
+  void start_over();
   void integrate(double time);
   void start_block();
   void restart(const TaxelFlags& where);
@@ -265,6 +268,7 @@ private:
   std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
   std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
+  std::vector<double> absorbed_;            ///< What a slow press may have lost to zeros [N].
   std::vector<double> cooling_;             ///< Time for which a taxel still cools whose touch was not known [s].
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
