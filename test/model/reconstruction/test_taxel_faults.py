@@ -198,6 +198,11 @@ def test_the_force_on_a_noisy_taxel_that_is_informative_counts_by_its_own_readin
     assert results[-1].valid
     assert image.load[12] == pytest.approx(1.5 * FINGER[12], abs=0.05)
     assert abs(image.total - 1.5) < 2 * image.total_standard_deviation
+    sums = reconstructor.covariance(np.vstack([np.ones(LAYOUT.taxels), np.eye(LAYOUT.taxels)]))
+    assert sums[0, 0] == pytest.approx(image.total_standard_deviation**2, rel=1e-9)
+    undisturbed = run(well, 1.5, press(1.5, 0.9, 9.0))[0].image()
+    expected = undisturbed.total_standard_deviation
+    assert image.total_standard_deviation == pytest.approx(expected, rel=0.1), "gain and leakage are common to all"
     blind = run(dead(12), 1.5, press(1.5, 0.9, 9.0))[0].image()
     assert image.load_variance[12] < 0.25 * blind.load_variance[12], "of what its neighbours tell"
 

@@ -208,6 +208,8 @@ class Reconstructor:
         self._block_end.detects_faults = settings.fault_detection
         self._compiled = scan_path.Reconstructor(self._path, self._block_end)
         self._variance = np.zeros(taxels)
+        self._measured = np.zeros(taxels, np.bool_)
+        """Taxels whose load is a reading, and no estimate by the neighbours."""
         self._result = _LastResult(self._path)
         self._image = ForceImage.unknown(taxels)
 
@@ -471,17 +473,19 @@ class Reconstructor:
         if not known.any():
             return
         image.total = float(estimator.force.sum(where=known))
-        shared = estimator.correlated_error[known].sum(axis=0)
-        variance = float(image.load_variance.sum()) + float(np.square(shared).sum())
+        self._measured[:] = known
+        variance = float(image.load_variance.sum())
         if self._result.contacts and self._faults.any_faulty:
             faulty = self._faults.faulty.nonzero()[0]
             estimated = self._interpolated[faulty]
             load = np.where(estimated, self._filled[faulty], estimator.force[faulty])
             image.load[faulty] = np.nan_to_num(load)
             image.load_variance[faulty] = np.where(estimated, _interpolation_variance(load), self._variance[faulty])
+            self._measured[faulty[~estimated]] = True
             image.total += float(image.load[faulty].sum())
             variance += float(image.load_variance[faulty].sum())  # NaN: a taxel without a usable neighbour
-        image.total_standard_deviation = math.sqrt(variance)
+        shared = estimator.correlated_error.sum(axis=0, where=self._measured[:, np.newaxis])
+        image.total_standard_deviation = math.sqrt(variance + float(np.square(shared).sum()))
 
     def covariance(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the covariance of weighted sums of the forces of the last `image`, such as a wrench.
@@ -499,8 +503,7 @@ class Reconstructor:
         estimator, image = self._estimator, self._image
         if math.isnan(image.total_standard_deviation):
             return np.full((len(weights), len(weights)), math.nan)
-        known = np.where(np.isnan(image.force), 0.0, weights)
-        shared = known @ estimator.correlated_error
+        shared = np.where(self._measured, weights, 0.0) @ estimator.correlated_error
         covariance: NDArray[np.float64] = (weights * image.load_variance) @ weights.T + shared @ shared.T
         return covariance
 
