@@ -47,6 +47,7 @@ def finger(x: float, y: float) -> NDArray[np.float64]:
 
 
 FINGER = finger(0.3e-3, -0.2e-3)
+SHARP = sphere(0.1e-3, 0.1e-3, 0.1, 4e-3, 8e6) / 0.1
 
 
 def dead(taxel: int) -> Fault:
@@ -207,12 +208,29 @@ def test_the_force_on_a_noisy_taxel_that_is_informative_counts_by_its_own_readin
     assert image.load_variance[12] < 0.25 * blind.load_variance[12], "of what its neighbours tell"
 
 
-def test_without_a_touch_a_faulty_taxel_counts_nothing() -> None:
-    reconstructor, _, _ = run(noisy(12, 5.0), 1.0, lambda _: 0.0)
+def test_without_a_contact_a_faulty_taxel_counts_nothing() -> None:
+    reconstructor, _, _ = run(noisy(12, 50.0), 1.0)
     image = reconstructor.image()
     assert image.status[12] == TaxelStatus.NOISY
     assert (image.load[12], image.load_variance[12]) == (0.0, 0.0)
     assert abs(image.total) < 4 * image.total_standard_deviation
+
+
+def test_without_a_contact_a_noisy_taxel_that_is_informative_counts_by_its_own_reading() -> None:
+    """No contact lists it alone; a total force without it would be wrong, and would not say so."""
+    total, deviation, fault, reconstructor = [], [], noisy(12, 5.0), Reconstructor(SENSOR)
+    for time, scan in scans(SENSOR, 1.5, force=press(0.02, 0.9, 9.0), shape=SHARP):
+        fault(round(time * 1000.0), scan)
+        result = reconstructor.process(scan)
+        if time > 1.2:
+            image = reconstructor.image()
+            assert not result.contacts and result.valid
+            total.append(image.total)
+            deviation.append(image.total_standard_deviation)
+    assert image.status[12] == TaxelStatus.NOISY
+    assert SHARP[12] > 0.5
+    assert np.mean(total) == pytest.approx(0.02, rel=0.2)
+    assert np.mean(np.abs(np.subtract(total, 0.02)) < 2.0 * np.array(deviation)) > 0.9
 
 
 def test_a_briefly_overloaded_taxel_is_saturated_and_not_stuck() -> None:

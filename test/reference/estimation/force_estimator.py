@@ -1012,16 +1012,12 @@ class ForceEstimator:
     def _is_valid(self) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask
         sound = sound & (self.force <= BEYOND_RANGE * (self._runaway / RUNAWAY)) | self.ignored
-        touched = self._touched & ~self.ignored
-        any_touched = any_true(touched)
-        self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
-        hidden = self._unexplained.rising & self.ignored & self.informative
-        missing = float(self._mean.sum(where=hidden))
+        touched = self._touched & (~self.ignored | self.informative)
+        any_touched = any_true(touched & ~self.ignored)  # the skin lets no faulty one feel it alone
+        self._recent_force.append(abs(float(self.force[touched].sum())) if any_true(touched) else 0.0)
         if self.touch_at_start and not self._zero_known:
             return False
         if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
-            return False
-        if missing > LEAST_DEVIATION * self._threshold:
             return False
         if not any_touched:
             return True

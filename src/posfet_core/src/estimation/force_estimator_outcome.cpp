@@ -149,37 +149,33 @@ void ForceEstimator::set_covariance(const Block& block) {
 bool ForceEstimator::is_valid() {
   bool sound = true;
   bool any_touched = false;
-  double missing = 0.0;
   double touching = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (ignored()[taxel]) {
-      missing += unexplained_.rising()[taxel] && informative_[taxel] ? mean_[taxel] : 0.0;
-      continue;
-    }
-    sound = sound && offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
-            force()[taxel] <= kBeyondRange * array_.greatest_force;
-    any_touched = any_touched || touched_[taxel];
-    touching += touched_[taxel] ? force()[taxel] : 0.0;
+    const bool fit = offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
+                     force()[taxel] <= kBeyondRange * array_.greatest_force;
+    sound = sound && (fit || ignored()[taxel]);
+    chosen_[taxel] = touched_[taxel] && (!ignored()[taxel] || informative_[taxel]);
+    any_touched = any_touched || (chosen_[taxel] && !ignored()[taxel]);  // the skin lets no faulty one feel it alone
+    touching += chosen_[taxel] ? force()[taxel] : 0.0;
   }
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
   const bool unknown_zero = touch_at_start && !zero_known_;
-  if (unknown_zero || recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_ ||
-      missing > kLeastDeviation * array_.threshold) {
+  if (unknown_zero || recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_) {
     return false;
   }
-  return !any_touched || is_certain();
+  return !any_touched || is_certain(chosen_);
 }
 
-/// Whether the total force of what touches is certain enough.
-bool ForceEstimator::is_certain() const {
+/// Whether the total force of these taxels, which are touched, is certain enough.
+bool ForceEstimator::is_certain(const TaxelFlags& touched) const {
   if (std::abs(belief()->shared[kWarmth]) > kGreatestWarmth) {
     return false;
   }
   double variance = 0.0;
   std::array<double, kCauses> shared{};
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (touched_[taxel] && !ignored()[taxel]) {
+    if (touched[taxel]) {
       variance += own_[taxel];
       for (std::size_t cause = 0; cause < kCauses; ++cause) {
         shared[cause] += state().correlated_error[taxel * kCauses + cause];

@@ -73,8 +73,8 @@ class ForceImage:
     status: NDArray[np.uint8]
     """Values of TaxelStatus."""
     load: NDArray[np.float64]
-    """Force of each taxel in sums such as `total` [N]: as `force`; of faulty taxels as contacts estimate it, from
-    the neighbours or an own reading that is still informative; 0: not known, or a faulty taxel that nothing touches."""
+    """Force of each taxel in sums such as `total` [N]: as `force`; of faulty taxels an own reading that is still
+    informative, or, while there is a contact, the interpolation by their neighbours; 0: not known."""
     load_variance: NDArray[np.float64]
     """Variance of each load without what the errors have in common [N2]."""
     total: float

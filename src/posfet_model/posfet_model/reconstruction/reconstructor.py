@@ -463,27 +463,26 @@ class Reconstructor:
         return image
 
     def _set_total(self, known: NDArray[np.bool_]) -> None:
-        """Set the loads and their sum: those of faulty taxels are estimated in contacts, as the contacts do it."""
+        """Set the loads and their sum: those of faulty taxels as contacts estimate them."""
         image, estimator = self._image, self._estimator
         image.total, image.total_standard_deviation = math.nan, math.nan
         image.load.fill(0.0)
         image.load_variance.fill(0.0)
-        np.copyto(image.load, image.force, where=known)
-        np.copyto(image.load_variance, self._variance, where=known)
         if not known.any():
             return
-        image.total = float(estimator.force.sum(where=known))
         self._measured[:] = known
-        variance = float(image.load_variance.sum())
+        np.copyto(image.load, image.force, where=known)
+        if self._faults.any_faulty:
+            own = self._faults.faulty & ~self._interpolated
+            self._measured |= own
+            np.copyto(image.load, estimator.force, where=own)
+        np.copyto(image.load_variance, self._variance, where=self._measured)
+        image.total = float(estimator.force.sum(where=self._measured))
         if self._result.contacts and self._faults.any_faulty:
-            faulty = self._faults.faulty.nonzero()[0]
-            estimated = self._interpolated[faulty]
-            load = np.where(estimated, self._filled[faulty], estimator.force[faulty])
-            image.load[faulty] = np.nan_to_num(load)
-            image.load_variance[faulty] = np.where(estimated, _interpolation_variance(load), self._variance[faulty])
-            self._measured[faulty[~estimated]] = True
-            image.total += float(image.load[faulty].sum())
-            variance += float(image.load_variance[faulty].sum())  # NaN: a taxel without a usable neighbour
+            np.copyto(image.load, np.nan_to_num(self._filled), where=self._interpolated)
+            np.copyto(image.load_variance, _interpolation_variance(self._filled), where=self._interpolated)
+            image.total += float(image.load.sum(where=self._interpolated))
+        variance = float(image.load_variance.sum())  # NaN: a taxel without a usable neighbour
         shared = estimator.correlated_error.sum(axis=0, where=self._measured[:, np.newaxis])
         image.total_standard_deviation = math.sqrt(variance + float(np.square(shared).sum()))
 

@@ -99,7 +99,7 @@ public:
   /// Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`.
   const TaxelFlags& ignored() const { return state().ignored; }
 
-  /// Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller.
+  /// Faulty taxels that count in sums of forces by their own readings. Set by the caller.
   TaxelFlags& informative() { return informative_; }
 
   /// Number of restarts of taxels whose signal was consistent with no force.
@@ -216,7 +216,7 @@ private:
   void follow_usual(const Block& block);
   void set_covariance(const Block& block);
   bool is_valid();
-  bool is_certain() const;
+  bool is_certain(const TaxelFlags& touched) const;
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
