@@ -102,7 +102,8 @@ def graph() -> Iterator[Listener]:
         stack.callback(rclpy.shutdown, context=context)
         for name, sensor in SENSORS.items():
             arguments = {"namespace": name, "sensor_file": sensor, "scene": "idle"}
-            stack.enter_context(posfet.bringup.nodes(context, **arguments))
+            for node in stack.enter_context(posfet.bringup.nodes(context, **arguments)):
+                node.serve()  # as when an executor begins to spin
         yield stack.enter_context(Listener(""))
 
 

@@ -24,4 +24,10 @@ def display_node(namespace: str, ros_words: Sequence[str] = ()) -> Node:
     ros_words : sequence of str, optional
         ROS arguments of the stack, which may rename its topics.
     """
-    return Node("view_node", namespace=namespace, cli_args=[*ros_words], use_global_arguments=False)
+    return Node(
+        "view_node",
+        namespace=namespace,
+        cli_args=[*ros_words],
+        use_global_arguments=False,
+        start_parameter_services=False,  # it has no parameters of its own
+    )

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -375,10 +376,16 @@ def read_yaml(path: str | Path, limit: int = MAX_FILE, *, may_be_empty: bool = F
     """
     text = read_text(path, limit)
     try:
-        value = parse(text)
+        value = _parsed(text)
     except YamlError as error:
         raise ConfigError(f"{one_line(str(path))}: is not valid YAML: {one_line(str(error))}") from error
     return Section(str(path), "", {} if value is None and may_be_empty else value)
+
+
+@lru_cache(maxsize=4)
+def _parsed(text: str) -> object:
+    """Return the value of a YAML text, which nobody may change: the nodes of one process read the same files."""
+    return parse(text)
 
 
 def find_file(name: str, folder: Path, kind: str) -> Path:

@@ -53,8 +53,10 @@ class Bench:
 
     def model(self, **parameters: Any) -> ModelNode:
         overrides = [Parameter(name, value=value) for name, value in {"direct": True, **parameters}.items()]
-        self.nodes.append(ModelNode(context=self.context, namespace="/hand", parameter_overrides=overrides))
-        return self.nodes[-1]
+        node = ModelNode(context=self.context, namespace="/hand", parameter_overrides=overrides)
+        node.serve()  # as when an executor begins to spin
+        self.nodes.append(node)
+        return node
 
     def play(self, node: ModelNode, count: int, force: float = 0.0) -> int:
         """Have the node process scans; return the number of contacts afterwards."""
@@ -90,15 +92,21 @@ def change(node: ModelNode, **values: Any) -> tuple[bool, str]:
     return result.successful, result.reason
 
 
+def ask(node: ModelNode, name: str, request: Any) -> Any:
+    """Return the answer of a service of the node."""
+    [service] = [each for each in node.services if each.service_name.endswith(f"/{name}")]
+    return service.callback(request, service.srv_type.Response())
+
+
 def test_transitions_start_and_stop_the_processing_of_scans(bench: Bench) -> None:
     node = bench.model(autostart=False)
     node.start()
     bench.play(node, 10)
     assert node.latest() is None
-    answer = node._served._set_to_zero(Tare.Request(), Tare.Response())
+    answer = ask(node, "tare", Tare.Request())
     assert (answer.success, answer.message) == (False, "refused: the model is not active")
-    for service in (node._served._load, node._served._save):
-        assert service(CalibrationFile.Request(), CalibrationFile.Response()).message == "the model is not configured"
+    for service in ("calibration/load", "calibration/save"):
+        assert ask(node, service, CalibrationFile.Request()).message == "the model is not configured"
     node.trigger_configure()
     bench.play(node, 10)
     assert node.latest() is None
@@ -181,8 +189,8 @@ def test_settings_outlive_another_calibration(bench: Bench, tmp_path: Any) -> No
     node = bench.model(calibration_folder=str(tmp_path))
     node.start()
     assert change(node, contact_threshold=0.5, release_threshold=0.2) == (True, "")
-    assert node._served._save(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
-    assert node._served._load(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
+    assert ask(node, "calibration/save", CalibrationFile.Request(path="a.yaml")).success
+    assert ask(node, "calibration/load", CalibrationFile.Request(path="a.yaml")).success
     bench.play(node, 400)
     assert bench.play(node, 20, LIGHT) == 0
 

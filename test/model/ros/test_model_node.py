@@ -88,9 +88,12 @@ class Bench:
 
     def wait_for_subscribers(self, node: ModelNode, *topics: str) -> None:
         """Spin until the node sees a subscriber to each of its topics."""
-        wanted = [publisher for publisher in node.publishers if publisher.topic_name.removeprefix("/") in topics]
-        assert len(wanted) == len(topics)
-        self.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+
+        def subscribed() -> int:
+            names = (each.topic_name.removeprefix("/") for each in node.publishers if each.get_subscription_count())
+            return sum(name in topics for name in names)
+
+        self.spin_until(lambda: subscribed() == len(topics))
 
     def spin_until(self, done: Callable[[], bool]) -> None:
         end = time.monotonic() + DEADLINE

@@ -56,6 +56,7 @@ class Board:
         self.open()
 
     def load(self, scene: str) -> LoadScene.Response:
+        self.spin_until(self.client.service_is_ready)
         future = self.client.call_async(LoadScene.Request(scene=scene))
         self.executor.spin_until_future_complete(future, PATIENCE)
         return future.result()

@@ -232,6 +232,10 @@ def test_without_autostart_the_node_waits_for_its_transitions(spin) -> None:
 
 def load(spin, node: SimBoardNode, scene: str) -> LoadScene.Response:
     client = node.create_client(LoadScene, "scene/load")
+    end = time.monotonic() + PATIENCE
+    while not client.service_is_ready():
+        assert time.monotonic() < end, "time-out"
+        spin.spin_once(timeout_sec=0.02)
     future = client.call_async(LoadScene.Request(scene=scene))
     spin.spin_until_future_complete(future, PATIENCE)
     return future.result()

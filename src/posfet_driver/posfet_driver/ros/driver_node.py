@@ -38,7 +38,11 @@ class DriverNode(ScanSourceNode):
     def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__("driver_node", DRIVER_NODE, clock, **node_arguments)
         self._start_at = 0
-        self._commands = CommandService(self, self._submit)
+
+    def serve(self) -> None:
+        """Create the diagnostics and the service."""
+        super().serve()
+        CommandService(self, self._submit)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board | ListeningBoard:
         """Return the board on the bus of the parameters. Raises ConfigError when it can never be opened."""

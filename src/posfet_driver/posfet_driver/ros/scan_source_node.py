@@ -13,23 +13,20 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
 
 from posfet_driver.board.fault_monitor import FaultMonitor, changes
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError, SourceReport, StreamingSource
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.parameters import SCAN_SOURCE_NODE
-from posfet_driver.ros.conversions import RawMessage, report_diagnostics
+from posfet_driver.ros.raw_message import RawMessage
 from posfet_model.config import ConfigError
 from posfet_model.parameters import Parameter
-from posfet_model.ros.diagnostic_array import hardware_id
-from posfet_model.ros.lifecycle import SupervisedLifecycleNode
+from posfet_model.ros.lifecycle import AT_ONCE, SupervisedLifecycleNode
 from posfet_model.ros.output_qos import output_qos
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import SUBSCRIBER_CHECK_PERIOD, SubscriptionCache
@@ -38,14 +35,15 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
+if TYPE_CHECKING:
+    from posfet_driver.ros.source_diagnostics import SourceDiagnostics
+
 RAW_DEPTH = 1000
 """Depth of the publisher's queue: one second of scans for a delayed subscriber."""
 READ_TIMEOUT = 0.1
 """Longest wait of the data thread [s]: bounds the time that a shutdown takes."""
 REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
-AT_ONCE = 1e-3
-"""Period of a timer that goes off as soon as the executor spins [s]."""
 
 
 class ScanSourceNode(SupervisedLifecycleNode):
@@ -105,7 +103,7 @@ class ScanSourceNode(SupervisedLifecycleNode):
         self._raw_message = RawMessage(self.sensor.layout, self.frame_id)
         self._raw = self.create_publisher(TactileRaw, "raw", output_qos(self.parameters["reliability"], RAW_DEPTH))
         self._raw_listeners = SubscriptionCache(self._raw)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._diagnostics: SourceDiagnostics | None = None
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
         self._begin_timer = self.create_timer(AT_ONCE, self._log_begin, autostart=False)
         self._thread: threading.Thread | None = None
@@ -118,6 +116,13 @@ class ScanSourceNode(SupervisedLifecycleNode):
         self._monitor = FaultMonitor()
         self._faults: list[FaultKind] = []
         self._reported = (0, 0)  # scans and time [ns] of the newest report
+
+    def serve(self) -> None:
+        """Create the services of the parameters, and the diagnostics."""
+        from posfet_driver.ros.source_diagnostics import SourceDiagnostics  # noqa: PLC0415  # loaded once scans arrive
+
+        super().serve()
+        self._diagnostics = SourceDiagnostics(self, self.sensor)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
         """Return the source, not opened yet. Raises ConfigError when it can never be opened.
@@ -275,10 +280,9 @@ class ScanSourceNode(SupervisedLifecycleNode):
         scans, before = self._reported
         self._reported = (report.scans, now)
         scan_rate = (report.scans - scans) * 1e9 / max(now - before, 1)
-        name = f"{self.get_fully_qualified_name()}: board"
-        board = hardware_id(self.sensor, self.get_namespace())
         faults = self._monitor.present(report, now)
-        self._diagnostics.publish(report_diagnostics(report, name, board, scan_rate, time.time_ns(), faults))
+        if self._diagnostics is not None:
+            self._diagnostics.publish(report, scan_rate, faults)
         self._log_state(report)
         self._log_faults(faults)
 

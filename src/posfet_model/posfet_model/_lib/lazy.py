@@ -10,8 +10,8 @@
 from __future__ import annotations
 
 import importlib
-import pkgutil
 from collections.abc import Callable, Iterable
+from functools import cache
 from types import ModuleType
 
 
@@ -30,14 +30,16 @@ def lazy_submodules(package: str, path: Iterable[str]) -> tuple[Callable[[str], 
     tuple of callable
         `__getattr__` and `__dir__`.
     """
-    names = sorted(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
+
+    @cache
+    def listing() -> list[str]:
+        import pkgutil  # noqa: PLC0415  # most modules are imported by their names
+
+        return sorted(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
 
     def get(name: str) -> ModuleType:
-        if name in names:
+        if name in listing():
             return importlib.import_module(f"{package}.{name}")
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-
-    def listing() -> list[str]:
-        return names
 
     return get, listing

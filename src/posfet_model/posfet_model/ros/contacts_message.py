@@ -98,17 +98,16 @@ def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | Contacts
     first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
     past = tuple(Merged(number, 0.0, (0.0, 0.0), 0) for number in (5, 6, 7))
     second = first._replace(id=2, region=region._replace(taxels=np.arange(2)), merged=past, split_from=8)
-    third = first._replace(id=3, region=region._replace(taxels=np.arange(3)), merged=past[:1], velocity=(math.nan,) * 2)
+    third = first._replace(id=3, region=region._replace(taxels=np.arange(3)), merged=past[:1], velocity=(-0.3, 0.4))
     message, writer = ContactsMessage(sensor, frame_id), ContactsBytes(sensor, frame_id)
     for contacts in ((), (first, second, third), (second, first)):
-        valid, motions = bool(contacts), {2: Motion(power=0.25, slipping=True)}
+        valid, motions = bool(contacts), {each.id: Motion(power=0.25, slipping=each is second) for each in contacts}
         example = Reconstruction(True, False, 1_700_000_000_123_456_789, 1 << 40, valid, contacts, motions, 0)
         theirs, ours = serialize_message(message.fill(example)), writer.fill(example)
-        if theirs != ours and (len(theirs) != len(ours) or _read(theirs) != _read(ours)):  # padding bytes may differ
+        if len(theirs) != len(ours) or _read(theirs) != _read(ours):  # as messages, since padding bytes may differ
             return message
     return writer
 
 
-def _read(data: bytes) -> str:
-    """Return serialised contacts as text, so that NaN compares equal to NaN."""
-    return str(deserialize_message(data, TactileContacts))
+def _read(data: bytes) -> TactileContacts:
+    return deserialize_message(data, TactileContacts)

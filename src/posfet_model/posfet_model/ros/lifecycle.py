@@ -14,9 +14,13 @@ from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.parameter_service import ParameterService
 
 from posfet_model.config import ConfigError
 from posfet_model.ros.supervision import SupervisedNode, described
+
+AT_ONCE = 1e-3
+"""Period of a timer that goes off as soon as an executor spins [s]."""
 
 
 def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
@@ -49,11 +53,22 @@ class SupervisedLifecycleNode(SupervisedNode, LifecycleNode):  # type: ignore[mi
     """Checked parameters by name, `autostart` among them."""
 
     def __init__(self, node_name: str, **node_arguments: Any) -> None:
-        super().__init__(node_name, **node_arguments)
+        self._parameter_services = node_arguments.pop("start_parameter_services", True)
+        super().__init__(node_name, start_parameter_services=False, **node_arguments)
         self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self._starting = False
         self.refusal = ""
         """Why the last configure failed, in one line; '' before the first failure."""
+        self._serve_timer = self.create_timer(AT_ONCE, self._begin_to_serve)
+
+    def serve(self) -> None:
+        """Create the services and diagnostics, which only an executor serves: called when one begins to spin."""
+        if self._parameter_services:
+            ParameterService(self)
+
+    def _begin_to_serve(self) -> None:
+        self._serve_timer.cancel()
+        self.serve()
 
     def destroy_node(self) -> None:
         """Release the node and its participant; rclpy leaves its state machine, which holds both, to the collector."""

@@ -6,45 +6,51 @@
 # governing permissions and limitations under the License.
 
 
-"""All topics of the model but `contacts` and `info`: maps, wrench, vibration, and what is for displays."""
+"""All topics of the model but `contacts`: description, maps, wrench, vibration, and what is for displays."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Set
 from typing import Any, Final
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.ros.display_scans import DisplayScans
+from posfet_model.ros.info_message import info_message
 from posfet_model.ros.map_messages import ForceImageMessage, ImageMessage, PointsMessage, VibrationMessage
 from posfet_model.ros.markers_message import MarkersMessage
 from posfet_model.ros.wrench_messages import WrenchEstimateMessage, WrenchMessage
-from posfet_model.sensor.description import Layout
-from posfet_msgs.msg import TactileContacts, TactileImage, TactileVibration, TactileWrench
+from posfet_model.sensor.description import Sensor
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileVibration, TactileWrench
 
 
 class MapOutputs:
-    """Publishes what is computed from a reconstruction for its subscribers; before `describe` nothing.
+    """Publishes `info`, and what is computed from a reconstruction for its subscribers; before `describe` nothing.
 
     Parameters
     ----------
     node : Node
         Node that publishes.
+    simulated : bool
+        Whether the signals come from a simulated board.
     qos : QoSProfile
-        Quality of service of all topics.
+        Quality of service of all topics but `info`, whose newest message late subscribers get, too.
     display : DisplayScans
         Scans of the topics that are for display only.
     """
 
-    def __init__(self, node: Node, qos: QoSProfile, display: DisplayScans) -> None:
-        self._display = display
+    def __init__(self, node: Node, simulated: bool, qos: QoSProfile, display: DisplayScans) -> None:
+        self._simulated, self._display = simulated, display
+        transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = node.create_publisher(TactileInfo, "info", transient_local)
         self._markers = node.create_publisher(MarkerArray, "markers", qos)
         self.view_contacts: Final[Publisher] = node.create_publisher(TactileContacts, "view/contacts", qos)
         """Publisher of the contacts for displays."""
@@ -63,16 +69,18 @@ class MapOutputs:
         self.publishers: Final = (self.vibration, self._wrench_estimate, *self._displayed, *self._map_publishers)
         """All publishers."""
 
-    def describe(self, layout: Layout, frame_id: str) -> None:
-        """Use a layout and a frame in all further messages.
+    def describe(self, sensor: Sensor, frame_id: str) -> None:
+        """Publish `info`, and use a layout and a frame in all further messages.
 
         Parameters
         ----------
-        layout : Layout
-            Layout of the array.
+        sensor : Sensor
+            Sensor description, with the contact thresholds in use.
         frame_id : str
             Frame of the array.
         """
+        layout = sensor.layout
+        self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))
         self._image_message = ImageMessage(layout, frame_id)
         fills: tuple[Callable[[Reconstruction, ForceImage], Any], ...] = (
             self._image_message.fill,

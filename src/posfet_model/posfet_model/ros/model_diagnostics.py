@@ -28,7 +28,7 @@ REPORT_PERIOD = 1.0
 
 
 class ModelDiagnostics:
-    """Publishes a status once per `REPORT_PERIOD`, between `start` and `stop`.
+    """Publishes a status once per `REPORT_PERIOD` while there is something to report.
 
     Parameters
     ----------
@@ -54,15 +54,7 @@ class ModelDiagnostics:
         self._hardware = hardware_id(sensor, node.get_namespace())
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
-        self._timer = node.create_timer(REPORT_PERIOD, self._report, autostart=False)
-
-    def start(self) -> None:
-        """Publish from now on."""
-        self._timer.reset()
-
-    def stop(self) -> None:
-        """Publish no more."""
-        self._timer.cancel()
+        node.create_timer(REPORT_PERIOD, self._report)
 
     def forget(self) -> None:
         """Count scans and events from 0, as a new reconstructor does."""

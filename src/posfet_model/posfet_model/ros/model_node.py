@@ -26,10 +26,7 @@ from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstruc
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.ros.direct_contacts import DirectContacts, StreamingSource
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
-from posfet_model.ros.model_diagnostics import ModelDiagnostics
 from posfet_model.ros.model_outputs import ModelOutputs
-from posfet_model.ros.model_report import ModelReport
-from posfet_model.ros.model_services import ModelServices
 from posfet_model.ros.model_settings import reconstruction_settings
 from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
@@ -43,6 +40,8 @@ from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
 if TYPE_CHECKING:
+    from posfet_model.ros.model_diagnostics import ModelDiagnostics
+    from posfet_model.ros.model_report import ModelReport
     from posfet_model.ros.model_snapshot import Snapshot
 
 RAW_DEPTH = 1000
@@ -75,7 +74,7 @@ class ModelNode(SupervisedLifecycleNode):
             self.parameters = declare(self, MODEL_NODE, self._prepare)
             self.sensor = declared_sensor(self.parameters)
             settings = reconstruction_settings(self.sensor, self.parameters)
-            calibrations = CalibrationFolder(self.parameters["calibration_folder"], self.sensor)
+            self._calibrations = CalibrationFolder(self.parameters["calibration_folder"], self.sensor)
             parse_mount(self.parameters["mount"])
         except ConfigError:
             self.destroy_node()
@@ -85,19 +84,27 @@ class ModelNode(SupervisedLifecycleNode):
         self._reader = ScanReader(self.sensor.layout)
         given = self.parameters
         qos = output_qos(given["reliability"], OUTPUT_DEPTH)
-        self._outputs = ModelOutputs(self, given["contacts_as_bytes"], given["simulated"], qos, given["display_rate"])
+        self._outputs = ModelOutputs(self, given["contacts_as_bytes"], qos, given["display_rate"])
         self._direct = DirectContacts(self._outputs, self._lock)
         self._mount: Any = None
         self._raw: Any = None
         self._settings = ReconstructionSettings()
         self._use_settings(settings)
         self._queue = QueueDelay(self)
-        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed, self._queue)
-        self._served = ModelServices(self, calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
+        self._diagnostics: ModelDiagnostics | None = None
         if self.parameters["direct"]:
             self.use_frame(default_frame(self.get_namespace()))
         else:
             self.add_maps()
+
+    def serve(self) -> None:
+        """Create the services, those of the parameters included, and the diagnostics."""
+        from posfet_model.ros.model_diagnostics import ModelDiagnostics  # noqa: PLC0415  # loaded once scans arrive
+        from posfet_model.ros.model_services import ModelServices  # noqa: PLC0415  # and this
+
+        super().serve()
+        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed, self._queue)
+        ModelServices(self, self._calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the calibration."""
@@ -131,7 +138,6 @@ class ModelNode(SupervisedLifecycleNode):
     def _begin(self) -> None:
         path = self.parameters["calibration_file"]
         self._use_calibration(load_calibration(path, self.sensor) if path else None)
-        self._diagnostics.start()
 
     def _pause(self) -> None:
         with self._lock:  # a scan that is being processed is the last one
@@ -144,7 +150,6 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _end(self) -> None:
         self._pause()
-        self._diagnostics.stop()
         with self._lock:
             self._reconstructor = self._result = None
 
@@ -154,7 +159,8 @@ class ModelNode(SupervisedLifecycleNode):
         with self._lock:
             self._reconstructor, self._result = reconstructor, None
             self._direct.close()
-            self._diagnostics.forget()
+            if self._diagnostics is not None:
+                self._diagnostics.forget()
         return reconstructor
 
     def _prepare(self, parameters: Mapping[str, Any]) -> Callable[[], object]:
@@ -172,11 +178,11 @@ class ModelNode(SupervisedLifecycleNode):
                 self._describe(self._outputs.frame_id)
 
     def add_maps(self) -> None:
-        """Publish the topics beside `contacts` and `info` from now on; in one process, once the scans have begun."""
+        """Publish the topics beside `contacts` from now on; in one process, once the scans have begun."""
         from posfet_model.ros.map_outputs import MapOutputs  # noqa: PLC0415  # loaded while scans are processed
 
         qos = output_qos(self.parameters["reliability"], OUTPUT_DEPTH)
-        maps = MapOutputs(self, qos, self._outputs.display)
+        maps = MapOutputs(self, self.parameters["simulated"], qos, self._outputs.display)
         with self._lock:
             self._outputs.add(maps)
 
@@ -299,6 +305,8 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _observed(self) -> tuple[bool, ModelReport | None]:
         """Return whether scans are processed, and the state of the reconstructor; None without one."""
+        from posfet_model.ros.model_report import ModelReport  # noqa: PLC0415  # for diagnostics only
+
         with self._lock:
             model = self._reconstructor
             return self._active, ModelReport(model, model.refresh() if self._result else None) if model else None

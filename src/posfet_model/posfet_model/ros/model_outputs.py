@@ -10,23 +10,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Set
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from posfet_model.reconstruction.contacts_writer import ContactsWriter
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
 from posfet_model.ros.contacts_message import ContactsMessage, contacts_writer
 from posfet_model.ros.display_scans import DisplayScans
-from posfet_model.ros.info_message import info_message
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Sensor
-from posfet_msgs.msg import TactileContacts, TactileInfo
+from posfet_msgs.msg import TactileContacts
 
 if TYPE_CHECKING:
     from posfet_model.ros.map_outputs import MapOutputs
@@ -41,27 +39,23 @@ class ModelOutputs:
         Node that publishes.
     as_bytes : bool
         Whether contacts are serialised here instead of by the middleware.
-    simulated : bool
-        Whether the signals come from a simulated board.
     qos : QoSProfile
         Quality of service of `contacts`.
     display_rate : float
         Rate of the topics that are for display only [Hz].
     """
 
-    def __init__(self, node: Node, as_bytes: bool, simulated: bool, qos: QoSProfile, display_rate: float) -> None:
+    def __init__(self, node: Node, as_bytes: bool, qos: QoSProfile, display_rate: float) -> None:
         self.frame_id = ""
         """Frame of the array; '' before `describe`."""
         self.display = DisplayScans(display_rate)
         """Scans of the topics that are for display only."""
-        self._as_bytes, self._simulated = as_bytes, simulated
+        self._as_bytes = as_bytes
         self.contacts: Publisher = node.create_publisher(TactileContacts, "contacts", qos)
         """Publisher of the contacts of each scan."""
         self._only_contacts = {self.contacts}
         self._maps: MapOutputs | None = None
         self._subscriptions = SubscriptionCache(self.contacts)
-        transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._info = node.create_publisher(TactileInfo, "info", transient_local)
 
     def add(self, maps: MapOutputs) -> None:
         """Publish the other topics, too."""
@@ -71,7 +65,7 @@ class ModelOutputs:
             self._describe_maps(self._sensor, self.frame_id)
 
     def describe(self, sensor: Sensor, frame_id: str) -> None:
-        """Publish `info`, and use frame and thresholds in all further messages.
+        """Use frame and thresholds in all further messages, and publish `info` with them once it is there.
 
         Parameters
         ----------
@@ -85,12 +79,11 @@ class ModelOutputs:
         self._contacts_message: ContactsMessage | ContactsBytes = writer
         self._publish_bytes(self.contacts)
         self._describe_maps(sensor, frame_id)
-        self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))
 
     def _describe_maps(self, sensor: Sensor, frame_id: str) -> None:
         if self._maps is not None:
             self._publish_bytes(self._maps.view_contacts)
-            self._maps.describe(sensor.layout, frame_id)
+            self._maps.describe(sensor, frame_id)
 
     def _publish_bytes(self, publisher: Publisher) -> None:
         """Publish bytes without the checks of the message type in rclpy, which cost twice as much as publishing."""

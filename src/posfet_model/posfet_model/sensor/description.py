@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,15 @@ from posfet_model.config import ConfigError, Section, find_file, read_yaml
 from posfet_model.device import adc as converter
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 from posfet_model.sensor.defaults import DEFAULT_SENSOR, FRAME_CHOICES
-from posfet_model.sensor.frame_mapping import FrameMapping, read_mapping
+
+if TYPE_CHECKING:
+    from posfet_model.sensor.frame_mapping import FrameMapping
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
 """Folder of the sensor files that come with the package."""
 
+OWN_PROTOCOL: Final = "posfet"
+"""Value of `protocol` for boards with the protocol of this project; also the default."""
 MAX_SIDE = 128
 """Largest number of rows and of columns."""
 MIN_SPAN = 1e-3
@@ -212,7 +217,7 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
     top = read_yaml(find_file(str(name), SENSOR_FOLDER, "sensor"))
     title, serial = top.text("name"), top.text("serial")
     layout = _layout(top.section("layout"))
-    mapping = read_mapping(top, layout.rows, layout.cols)
+    mapping = _mapping(top, layout)
     sensor = Sensor(
         name=title,
         serial=serial,
@@ -295,6 +300,16 @@ def _check_rest(sensor: Sensor, top: Section) -> None:
                 f"{amplifier.offset * 1e3:g}, got "
                 f"{inside:.3g} V: {'lower the noise' if noisy else 'widen the range'}",
             )
+
+
+def _mapping(top: Section, layout: Layout) -> FrameMapping | None:
+    """Return the mapping of a board with frames of its own, None for one with the protocol of this project."""
+    if not top.is_mapping("protocol"):
+        top.text("protocol", (OWN_PROTOCOL,), default=OWN_PROTOCOL)
+        return None
+    from posfet_model.sensor.frame_mapping import read_mapping  # noqa: PLC0415  # for few boards
+
+    return read_mapping(top.section("protocol"), layout.rows, layout.cols)
 
 
 def _layout(section: Section) -> Layout:

@@ -19,8 +19,6 @@ from typing import Final
 from posfet_model.config import ConfigError, Section
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, ScanStatus
 
-OWN_PROTOCOL: Final = "posfet"
-"""Value of `protocol` for boards with the protocol of this project; also the default."""
 TIME_UNITS: Final = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 """Units of a board's time [ns]."""
 FLAGS: Final = {
@@ -75,13 +73,13 @@ class FrameMapping:
         return ConfigError(f"{self.source}: protocol.{key}: {reason}")
 
 
-def read_mapping(top: Section, rows: int, cols: int) -> FrameMapping | None:
-    """Return the mapping of a sensor file, or None for a board with the protocol of this project.
+def read_mapping(section: Section, rows: int, cols: int) -> FrameMapping:
+    """Return the mapping of the section `protocol` of a sensor file.
 
     Parameters
     ----------
-    top : Section
-        The sensor file.
+    section : Section
+        The section.
     rows : int
         Number of rows of the array.
     cols : int
@@ -93,16 +91,12 @@ def read_mapping(top: Section, rows: int, cols: int) -> FrameMapping | None:
         For a key that is missing, unknown, or not as described in docs/own-frames.md. Whether the signals exist is
         known when the DBC file is read, by the driver.
     """
-    if not top.is_mapping("protocol"):
-        top.text("protocol", (OWN_PROTOCOL,), default=OWN_PROTOCOL)
-        return None
-    section = top.section("protocol")
     dbc = Path(section.text("dbc")).expanduser()
     block = _name(section, "block", section.text("block", default=""))
     first = section.whole("numbered_from", 0, 1, default=0)
     mapping = FrameMapping(
-        source=top.source,
-        dbc=Path(top.source).parent / dbc,
+        source=section.source,
+        dbc=Path(section.source).parent / dbc,
         counts=_counts(section, rows, cols, first, bool(block)),
         block=block,
         sequence=_names(section, "sequence"),

@@ -118,10 +118,14 @@ class SimBoardNode(ScanSourceNode):
         self._view_truth = self.create_publisher(TactileTruth, "view/truth", qos)
         self._truth_listeners = SubscriptionCache(self._truth, self._view_truth)
         self._display = DisplayScans(self.parameters["display_rate"])
-        self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(
             maxlen=SCAN_TIMES_KEPT
         )  # sequence and time [s] of the latest scans
+
+    def serve(self) -> None:
+        """Create the diagnostics and the service."""
+        super().serve()
+        self.create_service(LoadScene, "scene/load", self._load_scene)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
         """Return the simulated board in real time: direct, behind an adapter, or on a bus."""

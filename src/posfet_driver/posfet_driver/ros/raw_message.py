@@ -5,20 +5,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Conversion of scans and reports to ROS messages."""
+"""The message on `raw`."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 
-from diagnostic_msgs.msg import DiagnosticArray
-
-from posfet_driver.board.fault_monitor import worst
-from posfet_driver.board.faults import FaultKind
-from posfet_driver.board.scan_source import SourceReport
 from posfet_model._lib.units import NANOSECONDS
-from posfet_model.ros.diagnostic_array import diagnostic_array
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_msgs.msg import TactileRaw
@@ -57,41 +50,3 @@ class RawMessage:
         message.frames_lost = scan.frames_lost
         message.stamp_uncertainty = scan.stamp_uncertainty
         return message
-
-
-def report_diagnostics(
-    report: SourceReport, name: str, hardware_id: str, scan_rate: float, stamp: int, faults: Sequence[FaultKind] = ()
-) -> DiagnosticArray:
-    """Return the message for /diagnostics.
-
-    Parameters
-    ----------
-    report : SourceReport
-        State of the source.
-    name : str
-        Name of the status.
-    hardware_id : str
-        Serial number or name of the array.
-    scan_rate : float
-        Rate of complete scans since the previous report [Hz].
-    stamp : int
-        Time since the Unix epoch [ns].
-    faults : sequence of FaultKind, optional
-        Faults that are present, the most severe first.
-
-    Returns
-    -------
-    DiagnosticArray
-        One status with state, counters, values, and a remedy for each fault.
-    """
-    values = {
-        "scans": str(report.scans),
-        "scan rate [Hz]": f"{scan_rate:.1f}",
-        "frames lost": str(report.frames_lost),
-        **{kind.label: str(count) for kind, count in report.fault_counts.items()},
-        **{event: str(count) for event, count in report.counters.items()},
-        **report.values,
-        **{f"fault: {fault.label}": f"{fault.meaning}; {fault.remedy}" for fault in faults},
-    }
-    text = "; ".join([report.state, *(fault.label for fault in faults)])
-    return diagnostic_array(worst(faults, report.health), name, text, hardware_id, values, stamp)
