@@ -194,6 +194,7 @@ def test_a_load_held_from_the_start_ends_with_a_correct_baseline() -> None:
     forces = history(watch, SENSOR, 4.0, force=press(2.0, -1.0, 1.0), shape=PATCH)
     assert watch.estimator.valid
     assert np.abs(forces[3900:]).max() < 5e-3
+    assert watch.total_deviation() < 0.01  # it is no slow press that ended
 
 
 def test_a_varying_load_at_the_start_does_not_corrupt_later_forces() -> None:
@@ -281,13 +282,15 @@ def test_a_touch_since_before_the_start_is_not_valid_until_its_release_and_leave
     def one(time: float) -> float:
         return 1.0 - press(1.0, 2.0, 60.0, rise=0.2)(time) + press(1.0, 4.0, 60.0, rise=0.2)(time)
 
-    watch, errors = Watch(), []
+    watch, errors, deviations = Watch(), [], []
     watch.estimator.touch_at_start = True
     for time, scan in scans(SENSOR, 4.6, force=one, shape=PATCH, rate=500.0, seed=seed):
         errors.append(watch.process(time, scan).sum() - one(time))
+        deviations.append(watch.total_deviation())
     assert not any(watch.valid[:1050])
     assert all(watch.valid[1400:1900])
     assert np.abs(errors[1400:1900]).max() < 0.05
+    assert max(deviations[1400:1900]) < 0.02
     assert np.abs(errors[2200:]).max() < 0.1
 
 

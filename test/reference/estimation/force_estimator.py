@@ -127,6 +127,10 @@ GREATEST_WARMTH: Final = 0.08
 BEYOND_RANGE: Final = 1.25
 """Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one."""
 
+NONLINEARITY: Final = 0.01
+"""Change of the gain per force on a taxel [1/N], assumed: with the preload of the film, the charge per small force
+grows by up to two per cent per newton, half of which counts for the force itself."""
+
 NEGLIGIBLE: Final = 1e-12
 """Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
 
@@ -867,7 +871,9 @@ class ForceEstimator:
                 belief.forget(released, 0)
                 belief.own[released, 0, 0] = block.noise[released]
                 errors &= ~released
-                self._cooling[self._surroundings.dilated(released)] = COOLING * self._priors.warmth_time
+                cooling = self._surroundings.dilated(released)
+                self._cooling[cooling] = COOLING * self._priors.warmth_time
+                self._untouched_time[cooling] = 0.0
                 self._zero_known = True
                 self._blocks.clear()  # to process them again would undo it
             belief.own[errors, 0, 0] += residual[errors] ** 2
@@ -969,7 +975,7 @@ class ForceEstimator:
         offset. What a film that warms makes of them is known as far as the taxel's response is.
         """
         error, offset = self.belief.error[:, 0], self.belief.error[:, 1]
-        self._untouched_time = np.where(self._listed, 0.0, self._untouched_time)
+        self._untouched_time = np.where(self._listed | ~self.offset_known, 0.0, self._untouched_time)
         self._usual += block.duration * (self._offset() + self._usual_offset - offset) * self._per_second
         self._usual += self._per_kelvin * (self._film_rate() * block.duration) * self.belief.error[:, 3]
         self._untouched_time += block.duration * ~self._beside
@@ -1000,7 +1006,7 @@ class ForceEstimator:
         sensitivity = block.response * ~OF_TOUCH + belief.slope[:, 0]
         by_response = belief.own[:, 0, 3] ** 2 / np.maximum(belief.own[:, 3, 3], NEGLIGIBLE)
         self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
-        self._factor[:, COUNT] = self._gain_common * held
+        self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
         self._factor[:, COUNT + 2] = self._absorbed()

@@ -23,7 +23,7 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import record
 from posfet_sim.commands.score import Run, main, perturbed, run
-from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.device.error_model import MODERATE, ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.evaluation.slip_scorer import SlipScorer
@@ -167,6 +167,14 @@ def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibra
     assert score.valid_pct is not None and score.valid_pct > 98.0
     assert score.coverage_pct["taxel"] is not None and score.coverage_pct["taxel"] > 95.0
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 85.0
+
+
+def test_what_a_real_film_keeps_of_an_overload_is_covered() -> None:
+    """Preload, creep and hysteresis of 20 N are 1.5 N then, and 80 mN after the release."""
+    real = ErrorModel.default().with_realism(MODERATE)
+    what = fit(SENSOR, record(SENSOR, 1, real), "2026-01-01")
+    score = run(Run(SENSOR, load_scene("overload", SENSOR), 6.5, 1, real, what))
+    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 80.0
 
 
 LIFTS = "a slip is reported as one of two fingers lifts"

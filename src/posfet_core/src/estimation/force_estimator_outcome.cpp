@@ -28,6 +28,10 @@ constexpr double kGreatestWarmth = 0.08;
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
 constexpr double kBeyondRange = 1.25;
 
+/// Change of the gain per force on a taxel [1/N], assumed: with the preload of the film, the charge per small force
+/// grows by up to two per cent per newton, half of which counts for the force itself.
+constexpr double kNonlinearity = 0.01;
+
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
 
@@ -74,7 +78,7 @@ void ForceEstimator::follow_usual(const Block& block) {
   const double warming = film_rate() * block.duration;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* error = belief()->error_of(taxel);
-    if (listed_[taxel]) {
+    if (listed_[taxel] || !offset_known()[taxel]) {
       untouched_time_[taxel] = 0.0;
     }
     const double leaking = offset(taxel) + usual_offset_[taxel] - error[kOffset];
@@ -130,7 +134,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     lost = touched_[taxel] ? lost : 0.0;
     double* factor = s.correlated_error.data() + taxel * kCauses;
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
-    factor[kSharedStates] = array_.common_gain_deviation * held;
+    factor[kSharedStates] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
     factor[kSharedStates + 2] = absorbed_[taxel];
     factor[kSharedStates + 3] = lost;

@@ -372,6 +372,7 @@ void ForceEstimator::reset_released(const Block& block) {
   surroundings_.dilate(zeros_, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     cooling_[taxel] = chosen_[taxel] ? kCooling * priors_.warmth_time : cooling_[taxel];
+    untouched_time_[taxel] = chosen_[taxel] ? 0.0 : untouched_time_[taxel];
     if (zeros_[taxel]) {
       belief()->error_of(taxel)[kForceError] += residual_[taxel];
       belief()->forget(taxel, kForceError);
