@@ -48,6 +48,8 @@ class Film:
     """Charge that comes in from 1 to 10 s [1]."""
     warmth: float = 0.0
     """Temperature rise of a touched taxel [K]."""
+    warmth_time: float = 0.5
+    """Its time constant [s]."""
     sensor_lag: float = 0.0
     """Lag of the temperature sensors behind the chip [s]."""
     nonlinearity: float = 0.0
@@ -145,7 +147,9 @@ def record(
     per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     temperature = lag(time, chip, sensor.device.thermal_time_constant)[:, None] - chip[0]
     if film.warmth:
-        temperature = temperature + lag(time, film.warmth * force / (force + sensor.contact.threshold), 0.5)
+        temperature = temperature + lag(
+            time, film.warmth * force / (force + sensor.contact.threshold), film.warmth_time
+        )
     source = gain * with_slow_charge(time, force, film) + per_kelvin * temperature
     source = source + film.bending * force.sum(axis=1, keepdims=True)
     if change is not None:

@@ -299,7 +299,7 @@ def touch_scene(taxels: int, seed: int, blocks: int, begin: int) -> Iterator[tup
     for number in range(blocks):
         touched[chosen] = number >= begin
         force = touched * 0.3 * (1.0 + 0.2 * math.sin(0.1 * number))
-        response.advance(force, block)
+        response.advance(force, force, force, block)
         measured_noise = np.full(taxels, noise**2 / 20)
         yield Step(nothing, nothing, block / tau, driven, own, response.matrix(), measured_noise, ~touched), dynamics
 

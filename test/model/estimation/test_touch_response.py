@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import WARMTH_FORCE, TouchResponse
+from posfet_core.scan_path import LEAST_WARMTH_FORCE, WARMTH_FORCE, TouchResponse
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.grid import compiled_layout
@@ -28,7 +28,7 @@ LAYOUT = replace(load_sensor().layout, rows=3, cols=4)
 TAXELS = LAYOUT.taxels
 TAU = np.linspace(0.1, 2.0, TAXELS)
 PER_KELVIN = -np.linspace(0.8, 1.2, TAXELS)
-PRIORS = ErrorPriors(warmth_time=0.4, creep_times=(0.2, 1.5, 10.0))
+PRIORS = ErrorPriors(warmth_time=0.4, warmth_weak=0.3, creep_times=(0.2, 1.5, 10.0))
 WARMTH_TIME = PRIORS.warmth_time
 CREEP_TIMES = PRIORS.creep_times
 FINE = 200
@@ -53,7 +53,7 @@ def blocks(duration: float, force: Callable[[float], Array] = touch) -> list[Arr
 
 def advance(each: TouchResponse, means: list[Array]) -> TouchResponse:
     for mean in means:
-        each.advance(mean, BLOCK)
+        each.advance(mean, mean, mean, BLOCK)
     return each
 
 
@@ -94,9 +94,14 @@ def test_creep_follows_the_force_with_each_time_constant() -> None:
 
 def test_warmth_follows_the_force_and_saturates_with_it() -> None:
     means = blocks(1.2)
-    warm = follow([-np.expm1(-mean / WARMTH_FORCE) for mean in means], WARMTH_TIME)
+    strong, weak = (
+        follow([-np.expm1(-mean / force) for mean in means], WARMTH_TIME)
+        for force in (WARMTH_FORCE, LEAST_WARMTH_FORCE)
+    )
+    warm = strong + PRIORS.warmth_weak * (weak - strong)
     each = advance(response(), means)
     np.testing.assert_allclose(each.warm, warm, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(each.most_warm, weak, rtol=0, atol=1e-8)
     np.testing.assert_allclose(each.matrix()[:, Shared.WARMTH], PER_KELVIN * warm, rtol=0, atol=1e-8)
     assert each.warm[1] > each.warm[2] - 1e-3 > each.warm[5] > 0.0
     assert (each.warm <= 1.0).all()
@@ -122,7 +127,7 @@ def test_warmth_that_explains_a_whole_force_decays_with_it(share: float) -> None
     advance(each, [force] * 100)
     level = share * WARMTH_FORCE
     for _ in range(round(20.0 * WARMTH_TIME / (1.0 - share) / BLOCK)):
-        each.advance(level * each.warm, BLOCK)
+        each.advance(level * each.warm, np.zeros(TAXELS), level * each.warm, BLOCK)
     assert each.warm[2] < 0.01
 
 
@@ -130,7 +135,9 @@ def test_each_touch_warms_by_its_own_force() -> None:
     strong, weak = np.zeros((2, TAXELS))
     strong[3], weak[3] = WARMTH_FORCE, 0.1 * WARMTH_FORCE
     each = advance(response(), [strong] * 100 + [np.zeros(TAXELS)] * 1000 + [weak] * 1000)
-    assert each.warm[3] == pytest.approx(-math.expm1(-0.1), rel=1e-12)
+    by_weak = -math.expm1(-0.1 * WARMTH_FORCE / LEAST_WARMTH_FORCE)
+    expected = -math.expm1(-0.1) * (1.0 - PRIORS.warmth_weak) + by_weak * PRIORS.warmth_weak
+    assert each.warm[3] == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_reset_forgets_all_touches() -> None:
@@ -145,7 +152,7 @@ def test_a_reset_forgets_all_touches() -> None:
 def test_bending_acts_on_every_taxel_in_proportion_to_the_total_force() -> None:
     each = response()
     force = touch(0.5)
-    each.advance(force, BLOCK)
+    advance(each, [force])
     matrix = each.matrix()
     np.testing.assert_array_equal(matrix[:, Shared.BEND], force.sum())
     across = matrix[:, Shared.BEND_X].reshape(3, 4) / force.sum()
@@ -159,7 +166,7 @@ def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
 
     def moment(taxel: int) -> np.ndarray:
         each = response()
-        each.advance(np.eye(TAXELS)[taxel], BLOCK)
+        advance(each, [np.eye(TAXELS)[taxel]])
         column: np.ndarray = each.matrix()[:, Shared.BEND_MOMENT]
         return column
 
@@ -168,7 +175,7 @@ def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
     assert between[0, 0] == pytest.approx(2.0)  # a corner, at -1 in x and y
     assert between[0, TAXELS - 1] == pytest.approx(-2.0)
     each = response()
-    each.advance(np.ones(TAXELS), BLOCK)
+    advance(each, [np.ones(TAXELS)])
     np.testing.assert_allclose(each.matrix()[:, Shared.BEND_MOMENT], 0.0, rtol=0, atol=1e-12)
 
 
@@ -176,7 +183,7 @@ def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
 def test_an_array_of_one_row_does_not_bend_across_it(rows: int, cols: int) -> None:
     layout = replace(LAYOUT, rows=rows, cols=cols)
     each = TouchResponse(compiled_layout(layout), np.ones(rows * cols), np.ones(rows * cols), PRIORS)
-    each.advance(np.ones(rows * cols), BLOCK)
+    advance(each, [np.ones(rows * cols)])
     matrix = each.matrix()
     assert np.isfinite(matrix).all()
     if rows == 1:
@@ -197,7 +204,7 @@ def test_long_after_a_touch_nothing_is_left_of_it() -> None:
     each = advance(response(), blocks(1.6))
     long = 40.0 * max(CREEP_TIMES)  # e^-40 = 4e-18
     for _ in range(10):
-        each.advance(np.zeros(TAXELS), long / 10)
+        each.advance(np.zeros(TAXELS), np.zeros(TAXELS), np.zeros(TAXELS), long / 10)
     matrix = each.matrix()
     matrix[:, Shared.FILM] = 0.0
     np.testing.assert_allclose(matrix, 0.0, rtol=0, atol=1e-15)
@@ -207,10 +214,10 @@ def test_a_block_of_any_duration_gives_the_same_response_to_a_constant_force() -
     force = touch(0.5)
     one, many = response(), response()
     for each in (one, many):
-        each.advance(force, BLOCK)
-    one.advance(force, 0.6)
+        each.advance(force, force, force, BLOCK)
+    one.advance(force, force, force, 0.6)
     for _ in range(30):
-        many.advance(force, BLOCK)
+        many.advance(force, force, force, BLOCK)
     np.testing.assert_allclose(one.matrix(), many.matrix(), rtol=0, atol=1e-14)
 
 

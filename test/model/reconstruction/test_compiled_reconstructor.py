@@ -212,7 +212,7 @@ def test_extreme_arrays_are_reconstructed_as_by_the_reference(rows: int, cols: i
 
 @pytest.mark.parametrize("fault", FAULTS[1:])
 def test_the_stories_bring_faults_contacts_and_hum(fault: str) -> None:
-    story = Story(SENSOR, 11, 1.5, 0.0, 50.0, 0.0, 0.0, False)
+    story = Story(SENSOR, 14, 1.5, 0.0, 50.0, 0.0, 0.0, False)
     source, both = Source(story), Both(story)
     source._kinds[SENSOR.layout.taxels // 2] = FAULTS.index(fault)
     touched = faulty = 0

@@ -300,7 +300,7 @@ class ForceEstimator:
         self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
         self._lost = scans.lost  # deviation of what leaked in lost scans, common to all taxels [N]
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
-        self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
+        self._usual, self._touch_force, self._tail, self._cooled, self._warmth = np.zeros((5, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._usual_offset, self._cooling, self._stepped = np.zeros((4, taxels))
         self._factor = scans.correlated_error
@@ -369,9 +369,9 @@ class ForceEstimator:
         return out
 
     def steady_variance(self, out: Array) -> Array:
-        """Return in `out` that variance without what steps of the signals may have added since a touch began [N2].
+        """Return in `out` that variance without what steps have added in a touch, and with what warmth hides [N2].
 
-        Neighbours that feel nothing contradict such a signal, too.
+        Neighbours that feel nothing contradict a signal that steps, too.
 
         Parameters
         ----------
@@ -379,7 +379,10 @@ class ForceEstimator:
             Overwritten by the result.
         """
         self.variance(out)
-        return np.maximum(out - self._stepped, self._noise_variance, out=out)
+        np.maximum(out - self._stepped, self._noise_variance, out=out)
+        warmth = float(self.belief.shared[Shared.WARMTH])
+        out += np.where(self._touched, 0.0, self._per_kelvin * warmth * self._touch.most_warm) ** 2
+        return out
 
     def ignore(self, taxels: Mask) -> None:
         """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
@@ -633,20 +636,17 @@ class ForceEstimator:
         # Noise is no motion: without this play its path would count, which is long after a minute.
         play = PLAY * np.sqrt(self._noise_variance / self._scans)
         self._steady = np.minimum(np.maximum(self._steady, mean - play), mean + play)
-        force = self._nothing
-        if any_true(listed):
-            force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
-        self._touch.advance(force, self._elapsed, float(self.belief.shared[Shared.LEAK]))
-        response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
             least = 0.1 * self._threshold
             felt = self._surroundings.completed(np.where(self.ignored, math.nan, np.abs(self._steady)), least)
             neighbour = self._surroundings.greatest_neighbour(felt)
             tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, least))
-        p = self._priors
+        self._advance_touch(listed, tail)
+        response, p = self._touch.matrix(), self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
-        warm = self._touch.warm
+        free = ~touched & (neighbour == 0.0)
+        cooled, warm = np.where(free, self._warmth_variance(), 0.0), self._touch.warm
         span = 0.5 * (self._last_duration + self._elapsed)
         own_noise = np.zeros((len(mean), OWN, OWN))
         own_noise[:, :2, :2] = p.offset_walk**2 * span
@@ -654,6 +654,8 @@ class ForceEstimator:
         grown += self._noise_variance * (self._square * self._per_second**2)
         grown += self._jumped
         grown += self._step_noise(touched, span) + self._cooling_noise(span)
+        # While a taxel is touched, or beside a contact, its warmth is considered; then its error follows as it cools.
+        grown += np.where(free, np.abs(cooled - self._cooled), 0.0)
         tail_moved = 0.0
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
@@ -663,7 +665,7 @@ class ForceEstimator:
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
-        self._touch_force, self._tail, self._warmth = held, tail, warm * warm
+        self._touch_force, self._tail, self._cooled, self._warmth = held, tail, cooled, warm * warm
         block = Block(
             self._raw_sum / self._scans,
             self._noise_variance / self._scans,
@@ -687,6 +689,20 @@ class ForceEstimator:
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
         return block, near
+
+    def _advance_touch(self, listed: Mask, tail: Array) -> None:
+        """Advance the responses to the touch."""
+        force = least = most = self._nothing
+        shared = self.belief.shared
+        if any_true(listed):
+            around = self._surroundings.dilated(listed)
+            force = np.where(around, np.maximum(self._steady, 0.0), 0.0)
+            # Without the force that is the warmth's own, which would keep itself up.
+            by_warmth = self._per_kelvin * float(shared[Shared.WARMTH]) * self._touch.warm
+            tail = np.where(around, tail, 0.0)
+            least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
+            most = np.maximum(force, 2.0 * self._tail_spread() * tail)
+        self._touch.advance(force, least, most, self._elapsed, float(shared[Shared.LEAK]))
 
     def _tail_spread(self) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
@@ -776,13 +792,14 @@ class ForceEstimator:
             return
         p, f = self._priors, self._filter
         response, measured, some_beside = block.response, block.mean, any_true(beside)
-        noise = block.noise + CORRELATED * self._warmth_variance(block)
+        noise = block.noise.copy()
         if some_beside:
             # What the shared states predict of the small force stays subtracted, as it is from the force.
             measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
             response = np.where(beside[:, None], response * ~OF_TOUCH, response)
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-            noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
+            correlated = CORRELATED * (self._warmth_variance() + LEAST_TAIL**2)
+            noise += np.where(beside, correlated + (p.tail_change * block.neighbour) ** 2, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
@@ -880,7 +897,7 @@ class ForceEstimator:
 
     def _set_zero(self, where: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels."""
-        noise = block.noise + CORRELATED * (self._warmth_variance(block) + LEAST_TAIL**2)
+        noise = block.noise + self._warmth_variance() + CORRELATED * LEAST_TAIL**2
         residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
         self._filter.update(where, residual, sensitivity, noise)
 
@@ -898,11 +915,13 @@ class ForceEstimator:
             belief.forget(ended, 0)
             belief.own[ended, 0, 0] = noise[ended] ** 2
 
-    def _warmth_variance(self, block: Block) -> Array:
+    def _warmth_variance(self) -> Array:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
-        p = self._priors
-        level = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[Shared.WARMTH]))
-        variance: Array = (level * block.response[:, Shared.WARMTH]) ** 2
+        p, touch = self._priors, self._touch
+        warmth = abs(float(self.belief.shared[Shared.WARMTH]))
+        own = (p.warmth_least + p.warmth_spread * warmth) * touch.warm
+        contact = p.warmth_contact * warmth * (touch.most_warm - touch.warm)
+        variance: Array = self._per_kelvin**2 * (own**2 + contact**2)
         return variance
 
     def _shared_variance(self) -> Array:
@@ -1012,7 +1031,8 @@ class ForceEstimator:
         self._factor[:, COUNT + 2] = self._absorbed()
         self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
-        own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
+        own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
+        own += np.where(self._cooled > 0.0, 0.0, self._warmth_variance())
         self._own = own
 
     def _is_valid(self) -> bool:

@@ -24,6 +24,9 @@ from posfet_model.sensor.description import Layout
 WARMTH_FORCE: Final = 0.05
 """Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed."""
 
+LEAST_WARMTH_FORCE: Final = 0.005
+"""The least that it may be [N], assumed: a soft object may touch a taxel wholly at once."""
+
 LEAST_LEAK: Final = 0.5
 """Least time constant of a leak that is simulated, relative to that of the description [1]."""
 
@@ -53,13 +56,15 @@ class TouchResponse:
         self._y = (rows - 0.5 * (layout.rows - 1)) / max(0.5 * (layout.rows - 1), 0.5)
         self._tau = time_constant
         self._per_kelvin = newton_per_kelvin
-        self._warmth_time = priors.warmth_time
+        self._warmth_time, self._warmth_weak = priors.warmth_time, priors.warmth_weak
         self._creep_times = np.array(priors.creep_times)
         self._followed = np.zeros((CREEPS, taxels))
         self._charge = np.zeros(taxels)
         self._force = np.zeros(taxels)
         self.warm = np.zeros(taxels)
         """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
+        self.most_warm = np.zeros(taxels)
+        """The same with the greatest thermal contact that there may be [1], shape [taxels]."""
         self.responding = False
         """Whether anything has touched."""
 
@@ -68,7 +73,7 @@ class TouchResponse:
         self._followed[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
-        self.warm[:] = 0.0
+        self.warm[:] = self.most_warm[:] = 0.0
         self.responding = False
 
     @property
@@ -77,13 +82,17 @@ class TouchResponse:
         leaked: Array = self._force - self._charge
         return leaked
 
-    def advance(self, force: Array, duration: float, leak: float = 0.0) -> None:
+    def advance(self, force: Array, least: Array, most: Array, duration: float, leak: float = 0.0) -> None:
         """Advance by a block.
 
         Parameters
         ----------
         force : ndarray of float64, shape [taxels]
             Mean touched force [N]; 0 where untouched.
+        least : ndarray of float64, shape [taxels]
+            What it is at least [N].
+        most : ndarray of float64, shape [taxels]
+            What it is at most [N].
         duration : float
             Duration of the block [s].
         leak : float, optional
@@ -99,9 +108,12 @@ class TouchResponse:
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force
         # Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
-        # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up.
-        driven = -np.expm1(-force / WARMTH_FORCE)
-        self.warm += -np.expm1(-duration / self._warmth_time) * (driven - self.warm)
+        # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
+        # would the part that a weaker force causes, were it not driven by what the force is at least.
+        strong, weak = -np.expm1(-force / WARMTH_FORCE), -np.expm1(-least / LEAST_WARMTH_FORCE)
+        warming = -np.expm1(-duration / self._warmth_time)
+        self.warm += warming * (strong + self._warmth_weak * (weak - strong) - self.warm)
+        self.most_warm += warming * (-np.expm1(-most / LEAST_WARMTH_FORCE) - self.most_warm)
 
     def matrix(self) -> Array:
         """Return the responses h of the force errors to the shared states, shape [taxels, COUNT]."""

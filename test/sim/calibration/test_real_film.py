@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 FILMS = {
     "sensors 0.1 s late": Film(sensor_lag=0.1),
     "relaxation and creep": Film(relaxation=0.03, creep=0.05, sensor_lag=1.0),
+    "a fast object": Film(warmth=0.03, warmth_time=0.2),
+    "a slow object": Film(warmth=0.03, warmth_time=1.7),
     "all": Film(relaxation=0.02, creep=0.04, warmth=0.03, sensor_lag=1.0, bending=2e-3, ramp=2.0 / 60.0),
 }
 
@@ -81,6 +83,11 @@ def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(
     for name, (_, found) in fitted.items():
         assert abs(found.warmth - FILMS[name].warmth) < found.warmth_deviation
         assert found.warmth_deviation < 0.5 * NOMINAL_WARMTH_DEVIATION
+
+
+@pytest.mark.parametrize("name", ["a fast object", "a slow object", "all"])
+def test_the_time_constant_of_that_rise_is_found(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
 
 def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:
@@ -152,6 +159,7 @@ def test_poles_and_deviations_survive_a_round_trip(
     for name in (
         "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
+        "warmth_time_constant", "warmth_weak_share",
         "thermal_time_constant", "temperature",
     ):  # fmt: skip
         np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-5, err_msg=name)

@@ -177,6 +177,18 @@ def test_what_a_real_film_keeps_of_an_overload_is_covered() -> None:
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 80.0
 
 
+@pytest.mark.parametrize("time", [0.2, 1.7])
+def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_calibrated(time: float) -> None:
+    ideal = ErrorModel.none()
+    film = replace(ideal.film, contact_warmth=0.03, contact_warmth_time=time)
+    errors = replace(ideal, film=film, thermal_noise=ErrorModel.default().thermal_noise)
+    calibrated = fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")
+    score = run(Run(SENSOR, SCENE, 6.0, 1, errors, calibrated))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 1.5
+    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
+    assert score.misleading_pct == 0.0
+
+
 LIFTS = "a slip is reported as one of two fingers lifts"
 
 

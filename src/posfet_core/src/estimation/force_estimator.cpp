@@ -109,10 +109,29 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,         &mean_,          &last_mean_,    &steady_,  &usual_,    &stepped_,
-           &untouched_time_, &usual_offset_,  &absorbed_,     &cooling_, &tail_,     &touch_force_,
-           &warmth_,         &own_,           &measured_,     &noise_,   &residual_, &untouched_variance_,
-           &deviation_,      &own_deviation_, &leaked_share_, &values_,
+           &leaked_,
+           &mean_,
+           &last_mean_,
+           &steady_,
+           &usual_,
+           &stepped_,
+           &untouched_time_,
+           &usual_offset_,
+           &absorbed_,
+           &cooling_,
+           &tail_,
+           &touch_force_,
+           &cooled_,
+           &warmth_,
+           &own_,
+           &measured_,
+           &noise_,
+           &residual_,
+           &untouched_variance_,
+           &deviation_,
+           &own_deviation_,
+           &leaked_share_,
+           &values_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -141,9 +160,11 @@ double ForceEstimator::offset(std::size_t taxel) const {
 }
 
 /// Variance of the warmth of a taxel about the common one, as a force [N2].
-double ForceEstimator::warmth_variance(const Block& block, std::size_t taxel) const {
-  const double level = priors_.warmth_least + priors_.warmth_spread * std::abs(belief()->shared[kWarmth]);
-  return square(level * block.response[taxel * kSharedStates + kWarmth]);
+double ForceEstimator::warmth_variance(std::size_t taxel) const {
+  const double warmth = std::abs(belief()->shared[kWarmth]);
+  const double own = (priors_.warmth_least + priors_.warmth_spread * warmth) * touch_.warm()[taxel];
+  const double contact = priors_.warmth_contact * warmth * (touch_.most_warm()[taxel] - touch_.warm()[taxel]);
+  return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }
 
 /// By how much forces beside a contact differ from what they have in common, relative to the decline: as much as that
@@ -188,8 +209,10 @@ void ForceEstimator::variance(double* out) const {
 
 void ForceEstimator::steady_variance(double* out) const {
   variance(out);
+  const double warmth = belief()->shared[kWarmth];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = std::max(out[taxel] - stepped_[taxel], noise_variance_[taxel]);
+    out[taxel] = std::max(out[taxel] - stepped_[taxel], noise_variance_[taxel]) +
+                 square(array_.newton_per_kelvin[taxel] * warmth * (touched_[taxel] ? 0.0 : touch_.most_warm()[taxel]));
   }
 }
 

@@ -63,6 +63,7 @@ void ForceEstimator::measure(Block& block) {
     steady_[taxel] = std::min(std::max(steady_[taxel], mean_[taxel] - play), mean_[taxel] + play);
   }
   take_reading(block);
+  find_tails(block);
   measure_touch(block);
   measure_process_noise(block);
   block.before = *belief();
@@ -83,15 +84,8 @@ void ForceEstimator::take_reading(Block& block) {
   }
 }
 
-/// Advance the responses to the touch, and find what it lets the taxels beside it feel.
-void ForceEstimator::measure_touch(Block& block) {
-  std::vector<double>& force = values_;
-  surroundings_.dilate(block.listed, chosen_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    force[taxel] = chosen_[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
-  }
-  touch_.advance(force, block.duration, belief()->shared[kLeak]);
-  touch_.matrix(block.response);
+/// Find what the touch lets the taxels beside it feel.
+void ForceEstimator::find_tails(Block& block) {
   if (!block.touched.any()) {
     std::fill(block.neighbour.begin(), block.neighbour.end(), 0.0);
     std::fill(block.tail.begin(), block.tail.end(), 0.0);
@@ -108,6 +102,34 @@ void ForceEstimator::measure_touch(Block& block) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.tail[taxel] = block.touched[taxel] ? 0.0 : block.tail[taxel];
   }
+}
+
+/// Advance the responses to the touch.
+void ForceEstimator::measure_touch(Block& block) {
+  std::vector<double>& force = values_;
+  std::vector<double>& least = deviation_;
+  std::vector<double>& most = own_deviation_;
+  surroundings_.dilate(block.listed, chosen_);
+  const double spread = 2.0 * tail_spread();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    // Without the force that is the warmth's own, which would keep itself up.
+    const double by_warmth = array_.newton_per_kelvin[taxel] * belief()->shared[kWarmth] * touch_.warm()[taxel];
+    const double tail = chosen_[taxel] ? block.tail[taxel] : 0.0;
+    force[taxel] = chosen_[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    least[taxel] = std::max(force[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
+    most[taxel] = std::max(force[taxel], spread * tail);
+  }
+  touch_.advance(force, least, most, block.duration, belief()->shared[kLeak]);
+  touch_.matrix(block.response);
+}
+
+/// Variance that the error of a free taxel gains as its film cools [N2]: at first all that its warmth may have made of
+/// it. While it is touched, or beside a contact, its warmth is considered.
+double ForceEstimator::cooling_variance(const Block& block, std::size_t taxel) {
+  const double before = cooled_[taxel];
+  const bool considered = block.touched[taxel] || block.neighbour[taxel] > 0.0;
+  cooled_[taxel] = considered ? 0.0 : warmth_variance(taxel);
+  return considered ? 0.0 : std::abs(cooled_[taxel] - before);
 }
 
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
@@ -131,7 +153,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     double& grown = own[own_at(kForceError, kForceError)];
     const double stepped = jumps_.variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
-    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped;
+    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + cooling_variance(block, taxel);
     if (cooling_[taxel] > 0.0) {
       grown += square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]) * block.span / priors_.warmth_time;
       cooling_[taxel] -= block.span;

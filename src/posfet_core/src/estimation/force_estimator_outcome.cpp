@@ -145,7 +145,8 @@ void ForceEstimator::set_covariance(const Block& block) {
     untouched_variance_[taxel] = own_[taxel] - by_response + shared_variance[taxel];
     own_[taxel] -= std::min(own_[taxel], square(lost));  // in the covariance as each taxel's own
     own_[taxel] += square(array_.gain_deviation[taxel] * held) +
-                   square(array_.leak_deviation[taxel] * touch_.leaked(taxel)) + warmth_variance(block, taxel);
+                   square(array_.leak_deviation[taxel] * touch_.leaked(taxel)) +
+                   (cooled_[taxel] > 0.0 ? 0.0 : warmth_variance(taxel));
   }
 }
 

@@ -200,7 +200,7 @@ void ForceEstimator::expect_small_forces(const Block& block) {
   measured_ = block.mean;
   response_ = block.response;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    noise_[taxel] = block.noise[taxel] + kCorrelated * warmth_variance(block, taxel);
+    noise_[taxel] = block.noise[taxel];
     if (!small_[taxel]) {
       continue;
     }
@@ -213,7 +213,8 @@ void ForceEstimator::expect_small_forces(const Block& block) {
       }
     }
     response[kTail] = block.tail[taxel];
-    noise_[taxel] += kCorrelated * square(kLeastTail) + square(priors_.tail_change * block.neighbour[taxel]);
+    noise_[taxel] += kCorrelated * (warmth_variance(taxel) + square(kLeastTail)) +
+                     square(priors_.tail_change * block.neighbour[taxel]);
   }
 }
 
@@ -400,7 +401,7 @@ void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& co
     if (chosen_[taxel]) {
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
-    noise_[taxel] = block.noise[taxel] + kCorrelated * (warmth_variance(block, taxel) + square(kLeastTail));
+    noise_[taxel] = block.noise[taxel] + warmth_variance(taxel) + kCorrelated * square(kLeastTail);
   }
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());

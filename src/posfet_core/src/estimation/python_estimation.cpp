@@ -404,7 +404,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 29> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -427,6 +427,8 @@ ErrorPriors priors_from(const py::object& priors) {
       {"warmth", &ErrorPriors::warmth},
       {"warmth_least", &ErrorPriors::warmth_least},
       {"warmth_spread", &ErrorPriors::warmth_spread},
+      {"warmth_weak", &ErrorPriors::warmth_weak},
+      {"warmth_contact", &ErrorPriors::warmth_contact},
       {"warmth_time", &ErrorPriors::warmth_time},
       {"pyroelectric", &ErrorPriors::pyroelectric},
       {"drift", &ErrorPriors::drift},

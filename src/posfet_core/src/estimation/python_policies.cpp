@@ -151,6 +151,9 @@ void bind_touch_response(const py::module_& module) {
           "warm", [](const TouchResponse& response) { return array_of(response.warm()); },
           "Warmth of each taxel relative to the steady one [1], a new array.")
       .def_property_readonly(
+          "most_warm", [](const TouchResponse& response) { return array_of(response.most_warm()); },
+          "The same with the greatest thermal contact that there may be [1], a new array.")
+      .def_property_readonly(
           "leaked",
           [](const TouchResponse& response) {
             std::vector<double> leaked(response.warm().size());
@@ -162,11 +165,13 @@ void bind_touch_response(const py::module_& module) {
           "Leaked charge of the touched force of each taxel, as a force [N].")
       .def(
           "advance",
-          [](TouchResponse& response, const Values& force, double duration, double leak) {
-            require_all(response.warm().size(), {force});
-            response.advance(vector_of(force), duration, leak);
+          [](TouchResponse& response, const Values& force, const Values& least, const Values& most, double duration,
+             double leak) {
+            require_all(response.warm().size(), {force, least, most});
+            response.advance(vector_of(force), vector_of(least), vector_of(most), duration, leak);
           },
-          py::arg("force"), py::arg("duration"), py::arg("leak") = 0.0, "Advance by a block.")
+          py::arg("force"), py::arg("least"), py::arg("most"), py::arg("duration"), py::arg("leak") = 0.0,
+          "Advance by a block.")
       .def(
           "matrix",
           [](const TouchResponse& response) {
@@ -176,6 +181,7 @@ void bind_touch_response(const py::module_& module) {
           },
           "Return the responses of the force errors to the shared states, [taxels, states].");
   module.attr("WARMTH_FORCE") = kWarmthForce;
+  module.attr("LEAST_WARMTH_FORCE") = kLeastWarmthForce;
 }
 
 void bind_noise(const py::module_& module) {

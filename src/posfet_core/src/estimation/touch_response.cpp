@@ -19,6 +19,7 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
     : tau_(std::move(time_constant)),
       per_kelvin_(std::move(newton_per_kelvin)),
       warmth_time_(priors.warmth_time),
+      warmth_weak_(priors.warmth_weak),
       creep_times_(priors.creep_times) {
   const auto place = [](Taxel index, Taxel count) {
     const double half = 0.5 * static_cast<double>(count - 1);
@@ -32,7 +33,7 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
 }
 
 void TouchResponse::reset() {
-  for (auto* values : {&charge_, &force_, &warm_}) {
+  for (auto* values : {&charge_, &force_, &warm_, &most_warm_}) {
     values->assign(tau_.size(), 0.0);
   }
   for (auto& values : followed_) {
@@ -41,7 +42,8 @@ void TouchResponse::reset() {
   responding_ = false;
 }
 
-void TouchResponse::advance(const std::vector<double>& force, double duration, double leak) {
+void TouchResponse::advance(const std::vector<double>& force, const std::vector<double>& least,
+                            const std::vector<double>& most, double duration, double leak) {
   responding_ = responding_ || std::any_of(force.begin(), force.end(), [](double each) { return each != 0.0; });
   if (!responding_) {
     return;
@@ -59,9 +61,12 @@ void TouchResponse::advance(const std::vector<double>& force, double duration, d
     charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
     force_[taxel] = force[taxel];
     // Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
-    // force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up.
-    const double driven = -std::expm1(-force[taxel] / kWarmthForce);
-    warm_[taxel] += warming * (driven - warm_[taxel]);
+    // force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
+    // would the part that a weaker force causes, were it not driven by what the force is at least.
+    const double strong = -std::expm1(-force[taxel] / kWarmthForce);
+    const double weak = -std::expm1(-least[taxel] / kLeastWarmthForce);
+    warm_[taxel] += warming * (strong + warmth_weak_ * (weak - strong) - warm_[taxel]);
+    most_warm_[taxel] += warming * (-std::expm1(-most[taxel] / kLeastWarmthForce) - most_warm_[taxel]);
   }
 }
 

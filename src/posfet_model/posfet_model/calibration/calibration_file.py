@@ -97,6 +97,8 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
         "warmth": {
             "level_K": _number(calibration.warmth),
             "deviation_K": _number(calibration.warmth_deviation),
+            "time_constant_s": _number(calibration.warmth_time_constant),
+            "weak_share_percent": _number(calibration.warmth_weak_share * 100),
         },
         "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
     }
@@ -225,6 +227,12 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         temperature_sensor_lag=top.number("temperature_sensor_lag_s", 0.0, 1e4),
         temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
     )
+    if "time_constant_s" in warmth:
+        calibration = replace(
+            calibration,
+            warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4),
+            warmth_weak_share=warmth.number("weak_share_percent", 0.0, 100.0) / 100,
+        )
     relaxation.end()
     warmth.end()
     return calibration

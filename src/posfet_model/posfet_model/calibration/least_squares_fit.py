@@ -26,6 +26,7 @@ hysteresis loop: P is dragged along, never further than r from F) is a source, t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -37,18 +38,22 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.fit_checks import check_ranges, check_responses, check_temperature
 from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass, play_distance
 from posfet_model.calibration.response_fit import (
-    WARMTH_TIME_CONSTANT,
+    TOUCH_FORCES,
+    WARMTH_TIME_CONSTANTS,
+    WARMTH_TIME_SPREAD,
     ResponseFit,
     Segment,
     TaxelResponse,
     block_size,
     fit_responses,
+    least_of_parabola,
 )
 from posfet_model.calibration.stuck_bits import find_stuck_bits
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
     CALIBRATED_COMMON_LEAK_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
+    NOMINAL_WARMTH_TIME_CONSTANT,
     Calibration,
     Residuals,
 )
@@ -110,10 +115,6 @@ MAX_CROSSTALK: Final = 0.2
 
 RESOLUTION: Final = 4e-3
 """Scans are averaged over this time before the fit [s]: a press rises within a tenth of a second."""
-
-TOUCH_FORCE: Final = 2.0
-"""Force from which a taxel is touched over most of its area, as its temperature rise supposes, relative to the contact
-threshold [1], assumed; a smaller force touches a part of it."""
 
 WARMTH_DOUBT: Final = (3e-3, 0.25)
 """Standard deviation of the temperature rise from touch to touch: absolute [K], and relative to it [1]; assumed."""
@@ -184,6 +185,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
         thermal = data.fit_temperature()
         shares = data.film_shares(found, dead)
         last = index == ROUNDS - 1
+        data.fit_warmth_time(found, shares, dead)
         found = data.fit_all(found, shares, dead, with_crosstalk=not last)
         if not last:
             data.compensate(data.crosstalk + _crosstalk(found))
@@ -235,6 +237,8 @@ class _Data:
         self.common = np.zeros(len(self.time))
         """Common-mode signal of the untouched taxels, leakage compensated [N], shape [scans]."""
         self.film_lag = sensor.device.thermal_time_constant
+        self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
+        """Time constant of the temperature rise of touched taxels [s]."""
         self.newton_per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
         self.shares = np.ones(self.taxels)
         """Signal of each taxel per common-mode signal [1], of the last fit."""
@@ -401,6 +405,26 @@ class _Data:
         self.shares, self.offsets = share, offset
         return _Shares(share, offset)
 
+    def fit_warmth_time(self, before: ResponseFit, shares: _Shares, dead: Mask) -> None:
+        """Find the time constant of the temperature rise of touched taxels, downhill from the nominal one."""
+        if self.hold is None:
+            return
+        times = WARMTH_TIME_CONSTANTS
+        doubts = [(math.log(time / NOMINAL_WARMTH_TIME_CONSTANT) / WARMTH_TIME_SPREAD) ** 2 for time in times]
+        fits: dict[int, ResponseFit] = {}
+        middle, least = -1, int(np.argmin(doubts))
+        while middle != least and 0 < least < len(times) - 1:
+            middle = least
+            near = range(middle - 1, middle + 2)
+            for index in near:
+                self.warmth_time = times[index]
+                fits[index] = fits.get(index) or self.fit_all(before, shares, dead, with_crosstalk=False)
+            # What is left where all else fits is no noise on a real film: it says less than its number of blocks.
+            variances = min((fits[index].variances(self.noise) for index in near), key=lambda each: sum(each.values()))
+            unlikely = [fits[index].square_sum(variances) + doubts[index] for index in near]
+            least = near[int(np.argmin(unlikely))]
+        self.warmth_time = least_of_parabola([times[index] for index in near], unlikely)
+
     def fit_all(self, before: ResponseFit, shares: _Shares, dead: Mask, with_crosstalk: bool) -> ResponseFit:
         """Fit presses and long hold jointly, common-mode signal subtracted; the signals of the neighbours on demand."""
         near_signal = self.near_signal if with_crosstalk else None
@@ -430,9 +454,10 @@ class _Data:
         if self.hold is None:
             return None
         force = self.force[:, taxel]
-        touched = -np.expm1(-np.maximum(force, 0.0) / (TOUCH_FORCE * self.sensor.contact.threshold))
         columns = [low_pass(self.time, force, pole) for pole in POLES]
-        columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, WARMTH_TIME_CONSTANT))
+        for relative in TOUCH_FORCES:
+            touched = -np.expm1(-np.maximum(force, 0.0) / (relative * self.sensor.contact.threshold))
+            columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, self.warmth_time))
         return np.stack(columns, axis=1)
 
 
@@ -462,10 +487,12 @@ def _calibration(
         pyroelectric = np.where(dead, 1.0, shares.share * thermal.newton_per_kelvin / nominal)
     poles = len(POLES) if data.hold is not None else 0
     deviations = np.sqrt(np.diag(found.common_covariance))
-    warmth, warmth_deviation = 0.0, NOMINAL_WARMTH_DEVIATION
-    if poles and deviations[-1] < MAX_WARMTH_DEVIATION:
-        warmth = float(found.common[-1])
-        warmth_deviation = float(np.hypot(deviations[-1], WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth)))
+    warmth, warmth_deviation, weak_share = 0.0, NOMINAL_WARMTH_DEVIATION, 0.0
+    deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
+    if poles and deviation < MAX_WARMTH_DEVIATION:
+        warmth = float(found.common[poles:].sum())
+        weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0)) if warmth else 0.0
+        warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
     film_lag, sensor_lag = data.film_lag, 0.0
     if thermal is not None:
         film_lag = thermal.lag if thermal.lag >= 0.0 else data.film_lag
@@ -488,6 +515,8 @@ def _calibration(
         relaxation_deviations=deviations[:poles],
         warmth=warmth,
         warmth_deviation=warmth_deviation,
+        warmth_time_constant=data.warmth_time,
+        warmth_weak_share=weak_share,
         temperature_sensor_lag=sensor_lag,
         temperature=float(data.temperature.mean()),
     )

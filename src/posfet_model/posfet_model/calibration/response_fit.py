@@ -35,8 +35,16 @@ from posfet_model.calibration.leaky_response import block_means, high_pass, low_
 BLOCK: Final = 0.02
 """Scans are averaged over this time [s]: a period of the mains."""
 
-WARMTH_TIME_CONSTANT: Final = 0.5
-"""Time constant with which the film of a touched taxel warms and cools [s], assumed."""
+WARMTH_TIME_CONSTANTS: Final = (0.15, 0.26, 0.46, 0.8, 1.4, 2.4, 4.2)
+"""Time constants with which the film of a touched taxel may warm and cool [s]: the one that fits best is taken, between
+them by a parabola of the sums of squares."""
+
+WARMTH_TIME_SPREAD: Final = 0.8
+"""Standard deviation of the logarithm of that time constant about the nominal one [1], assumed."""
+
+TOUCH_FORCES: Final = (0.25, 2.5)
+"""Force from which a taxel is touched over most of its area, relative to the contact threshold [1]: unknown, but
+between these; a smaller force touches a part of it. The temperature rise is the sum of both parts."""
 
 SIZE_DEVIATION: Final = 0.1
 """Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
@@ -105,6 +113,20 @@ class ResponseFit:
     common_covariance: Array
     """Covariance of `common`."""
 
+    def variances(self, noise: Array) -> dict[int, float]:
+        """Return the variance of a block of each taxel [N2]: of noise, or of what is left, correlation included."""
+        return {
+            taxel: max(float(noise[taxel]) ** 2, correlated_variance(np.concatenate(each.residuals)))
+            for taxel, each in self.taxels.items()
+        }
+
+    def square_sum(self, variances: dict[int, float]) -> float:
+        """Return the sum of the squares of all residuals in these variances [1]."""
+        return sum(
+            float(np.square(np.concatenate(each.residuals)).sum()) / variances[taxel]
+            for taxel, each in self.taxels.items()
+        )
+
 
 def fit_responses(
     segments: Sequence[Segment], noise: Array, start: dict[int, TaxelResponse], nominal_rate: float
@@ -131,7 +153,8 @@ def fit_responses(
     for segment in segments:
         of_taxel.setdefault(segment.taxel, []).append(segment)
     poles = segments[0].common_sources.shape[1]
-    prior = np.append(np.full(max(poles - 1, 0), SIZE_DEVIATION), WARMTH_PRIOR)[: poles or None][:poles]
+    prior = np.full(poles, SIZE_DEVIATION)
+    prior[-len(TOUCH_FORCES) :] = WARMTH_PRIOR
     common, covariance = np.zeros(poles), np.diag(prior**2)
     responses = dict(start)
     limits = RATE_RANGE[0] * nominal_rate, RATE_RANGE[1] * nominal_rate
@@ -235,6 +258,24 @@ def _product(left: Array, right: Array) -> Array:
     """Return left.T @ right; einsum, because threads cost more than they gain for so narrow matrices."""
     product: Array = np.einsum("ij,ik->jk", left, right)
     return product
+
+
+def least_of_parabola(places: Sequence[float], values: Sequence[float]) -> float:
+    """Return where a parabola through the least value and those beside it is least, in the logarithm of the places.
+
+    Parameters
+    ----------
+    places : sequence of float
+        Places, in nearly equal ratios.
+    values : sequence of float
+        Value at each.
+    """
+    middle = min(max(int(np.argmin(values)), 1), len(values) - 2)
+    near = slice(middle - 1, middle + 2)
+    curve = np.polyfit(np.log(places[near]), np.asarray(values[near]) - min(values), 2)
+    if curve[0] <= 0.0:
+        return places[int(np.argmin(values))]
+    return float(np.exp(np.clip(-0.5 * curve[1] / curve[0], *np.log([places[0], places[-1]]))))
 
 
 def block_size(time: Array) -> int:

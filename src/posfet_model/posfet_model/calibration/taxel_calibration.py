@@ -46,6 +46,9 @@ assumed."""
 NOMINAL_WARMTH_DEVIATION: Final = 0.03
 """Standard deviation of the temperature rise of a touched taxel that was not measured [K], assumed: a thick chip."""
 
+NOMINAL_WARMTH_TIME_CONSTANT: Final = 0.5
+"""Time constant of that temperature rise [s], assumed."""
+
 UNCALIBRATED_ERROR: Final = 0.1
 """Error of the total force without a calibration [1]: docs/accuracy.md, ablation, 9 % of a press and of a hold, rounded
 up."""
@@ -112,6 +115,10 @@ class Calibration:
     """Level of the temperature rise of a taxel's film that a touch of room temperature causes [K]; 0: not observed."""
     warmth_deviation: float = NOMINAL_WARMTH_DEVIATION
     """Standard deviation of `warmth` [K]."""
+    warmth_time_constant: float = NOMINAL_WARMTH_TIME_CONSTANT
+    """Time constant with which the film warms and cools [s]."""
+    warmth_weak_share: float = 0.0
+    """Share of `warmth` that a force well below the contact threshold causes, too [1]."""
     temperature_sensor_lag: float = 0.0
     """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
     `thermal_time_constant` minus this, which may be below 0."""

@@ -116,6 +116,12 @@ class ErrorPriors:
     """Difference between the warmth of one taxel and that of the others [K], and"""
     warmth_spread: float = 0.25
     """as a share of the common warmth [1]."""
+    warmth_weak: float = 0.0
+    """Share of that warmth which a weak force causes, too [1]."""
+    warmth_contact: float = 0.58
+    """Standard deviation of the thermal contact under a weak force, over the range in which it may be [1], and"""
+    warmth_contact_calibrated: float = 0.2
+    """the same with calibration [1]."""
     warmth_time: float = 0.5
     """Time constant of that warmth [s]."""
     creep_times: tuple[float, ...] = (0.3, 2.0, 15.0)
@@ -161,6 +167,8 @@ class ErrorPriors:
         if calibration.warmth_observed:
             deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
+            found |= {"warmth_time": calibration.warmth_time_constant, "warmth_weak": calibration.warmth_weak_share}
+            found["warmth_contact"] = self.warmth_contact_calibrated
         times = calibration.relaxation_time_constants[:CREEPS].tolist()
         if times:
             kept = len(times)

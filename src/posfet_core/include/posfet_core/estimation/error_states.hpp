@@ -41,6 +41,8 @@ struct ErrorPriors {
   double warmth;
   double warmth_least;
   double warmth_spread;
+  double warmth_weak;
+  double warmth_contact;
   double warmth_time;
   std::array<double, kCreeps> creep_times;
   std::array<double, kCreeps> creep_mean;

@@ -164,7 +164,7 @@ private:
   const ForceIntegration::State& state() const { return integration_->state(); }
   double signal(std::size_t taxel) const;
   double offset(std::size_t taxel) const;
-  double warmth_variance(const Block& block, std::size_t taxel) const;
+  double warmth_variance(std::size_t taxel) const;
   double tail_spread() const;
   double film_rate() const;
   void find_absorbed(std::vector<double>& out) const;
@@ -182,6 +182,8 @@ private:
   bool find_unreleased(TaxelFlags& listed, Taxels& lost) const;
   void measure(Block& block);
   void measure_touch(Block& block);
+  void find_tails(Block& block);
+  double cooling_variance(const Block& block, std::size_t taxel);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
   void observe_rest(bool listed);
@@ -274,6 +276,7 @@ private:
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
   std::vector<double> warmth_;              ///< Squares of the relative warmth of the taxels [1].
+  std::vector<double> cooled_;              ///< Variance by the warmth of untouched taxels in their errors [N2].
   std::vector<double> own_;                 ///< Variance of each force that it does not share [N2].
   std::vector<double> untouched_variance_;  ///< The variance that it would have without a touch [N2].
   TaxelFlags listed_;                       ///< Taxels in contact in the last block.

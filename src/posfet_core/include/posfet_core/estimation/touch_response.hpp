@@ -22,6 +22,9 @@ namespace posfet {
 /// Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed.
 constexpr double kWarmthForce = 0.05;
 
+/// The least that it may be [N], assumed: a soft object may touch a taxel wholly at once.
+constexpr double kLeastWarmthForce = 0.005;
+
 /// Least time constant of a leak that is simulated, relative to that of the description [1].
 constexpr double kLeastLeak = 0.5;
 
@@ -41,12 +44,17 @@ public:
   /// Warmth of each taxel relative to the steady one [1].
   const std::vector<double>& warm() const { return warm_; }
 
+  /// The same with the greatest thermal contact that there may be [1].
+  const std::vector<double>& most_warm() const { return most_warm_; }
+
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
 
-  /// Advance by a block [s] with the mean touched forces [N], 0 where untouched. `leak`: relative error of the leak
-  /// rates as far as it is known [1]: the charge leaks with tau*(1 + leak).
-  void advance(const std::vector<double>& force, double duration, double leak);
+  /// Advance by a block [s] with the mean touched forces [N], 0 where untouched, and with what they are at `least` and
+  /// at `most`. `leak`: relative error of the leak rates as far as it is known [1]: the charge leaks with tau*(1 +
+  /// leak).
+  void advance(const std::vector<double>& force, const std::vector<double>& least, const std::vector<double>& most,
+               double duration, double leak);
 
   /// Find the responses h of the force errors to the shared states, [taxels, states].
   void matrix(std::vector<double>& response) const;
@@ -57,12 +65,14 @@ private:
   std::vector<double> tau_;
   std::vector<double> per_kelvin_;
   double warmth_time_;
+  double warmth_weak_;
   std::array<double, kCreeps> creep_times_;
   bool responding_ = false;
   std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
   std::vector<double> force_;                          ///< Touched force of the last block [N].
   std::vector<double> warm_;
+  std::vector<double> most_warm_;
 };
 
 }  // namespace posfet
