@@ -43,36 +43,40 @@ inline void require(bool holds, const char* what) {
 
 /// The priors that are shipped (posfet_model/estimation/error_states.py).
 inline ErrorPriors priors() {
-  return {4e-4,
-          0.05,
-          2e-3,
-          3.0,
-          0.01,
-          3.0,
-          0.4,
-          0.8,
-          0.04,
-          4e-3,
-          3e-3,
-          1.5e-3,
-          0.1,
-          0.1,
-          0.08,
-          5e-3,
-          3e-3,
-          0.03,
-          0.0,
-          0.015,
-          3e-3,
-          0.25,
-          0.5,
-          {0.3, 2.0, 15.0},
-          {0.0, 0.0, 0.0},
-          {8e-3, 0.012, 0.015},
-          0.1,
-          2e-4,
-          1e-5,
-          0.01};
+  ErrorPriors given{};
+  given.film_walk = 4e-4;
+  given.rate = 0.05;
+  given.rate_walk = 2e-3;
+  given.rate_change = 3.0;
+  given.touch_rate = 0.01;
+  given.fastest = 3.0;
+  given.lag = 0.4;
+  given.lag_spread = 0.8;
+  given.scale = 0.04;
+  given.reading = 4e-3;
+  given.bend = 3e-3;
+  given.bend_gradient = 1.5e-3;
+  given.leak = 0.1;
+  given.tail = 0.1;
+  given.tail_spread = 0.08;
+  given.tail_least = 5e-3;
+  given.tail_change = 3e-3;
+  given.warmth_beside = 0.03;
+  given.warmth_mean = 0.0;
+  given.warmth = 0.015;
+  given.warmth_least = 3e-3;
+  given.warmth_spread = 0.25;
+  given.warmth_weak = 0.0;
+  given.warmth_contact = 0.58;
+  given.warmth_time = 0.5;
+  given.creep_times = {0.3, 2.0, 15.0};
+  given.creep_mean = {0.0, 0.0, 0.0};
+  given.creep = {8e-3, 0.012, 0.015};
+  given.pyroelectric = 0.1;
+  given.drift = 2e-4;
+  given.offset_walk = 1e-5;
+  given.motion = 0.01;
+  return given;
 }
 
 inline std::shared_ptr<ForceEstimator> make_estimator(const Layout& layout, std::size_t taxels) {
