@@ -44,8 +44,8 @@ class Outputs:
     """The topics of a model node, with subscribers of `contacts` alone."""
 
     def __init__(self, node: Any) -> None:
-        self._outputs = ModelOutputs(node, True, True, output_qos("reliable", OUTPUT_DEPTH), display_rate=30.0)
-        self._outputs.add(MapOutputs(node, output_qos("reliable", OUTPUT_DEPTH), self._outputs.display))
+        self._outputs = ModelOutputs(node, True, output_qos("reliable", OUTPUT_DEPTH), display_rate=30.0)
+        self._outputs.add(MapOutputs(node, True, output_qos("reliable", OUTPUT_DEPTH), self._outputs.display))
         self._outputs.describe(SENSOR, "array")
         self._all = set(self._outputs._subscriptions._publishers)
         self._contacts = {self._outputs.contacts}
