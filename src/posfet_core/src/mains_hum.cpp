@@ -188,8 +188,8 @@ void MainsHum::track(bool touched) {
     ++windows_;
     const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
     correct(0, gain, in_phase, lead);
-    for (std::size_t index = 1; index < orders_;
-         ++index) {  // of these it is not measured what all taxels have in common
+    // Of the harmonics it is not measured what all taxels have in common.
+    for (std::size_t index = 1; index < orders_; ++index) {
       correlate(state().frequency, index);
       correct(index, gain, 0.0, 0.0);
     }

@@ -261,18 +261,16 @@ def _product(left: Array, right: Array) -> Array:
 
 
 def least_of_parabola(places: Sequence[float], values: Sequence[float]) -> float:
-    """Return where a parabola through the least value and those beside it is least, in the logarithm of the places.
+    """Return where a parabola through three values is least, in the logarithm of their places.
 
     Parameters
     ----------
     places : sequence of float
-        Places, in nearly equal ratios.
+        Three places, ascending: the least of all values lies between them, or is that at one of the ends.
     values : sequence of float
         Value at each.
     """
-    middle = min(max(int(np.argmin(values)), 1), len(values) - 2)
-    near = slice(middle - 1, middle + 2)
-    curve = np.polyfit(np.log(places[near]), np.asarray(values[near]) - min(values), 2)
+    curve = np.polyfit(np.log(places), np.asarray(values) - min(values), 2)
     if curve[0] <= 0.0:
         return places[int(np.argmin(values))]
     return float(np.exp(np.clip(-0.5 * curve[1] / curve[0], *np.log([places[0], places[-1]]))))
