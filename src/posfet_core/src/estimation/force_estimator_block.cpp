@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "force_estimator_constants.hpp"
@@ -310,23 +311,21 @@ Taxels ForceEstimator::held_taxels() const {
 /// What some taxels did in the stored blocks.
 SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
   const Belief& b = *belief();
-  SteadyWindow window;
-  window.response.assign(kSharedStates, Vector<double>(blocks_.size(), 0.0));
+  Vector<double> times(blocks_.size());
   double time = 0.0;
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
+    times[index] = time += blocks_[index].span;
+  }
+  SteadyWindow window(std::move(times), held.size());
+  for (std::size_t index = 0; index < blocks_.size(); ++index) {
     const Block& block = blocks_[index];
-    time += block.span;
-    window.time.push_back(time);
-    auto& force = window.force.emplace_back();
-    auto& charge = window.charge.emplace_back();
-    for (const Taxel each : held) {
-      const auto taxel = static_cast<std::size_t>(each);
+    for (std::size_t place = 0; place < held.size(); ++place) {
+      const auto taxel = static_cast<std::size_t>(held[place]);
       std::array<double, kSharedStates> response{};
       std::copy_n(block.response.data() + taxel * kSharedStates, response.size(), response.begin());
       response[kLeak] = -block.charge[taxel];  // as it is, whatever its time constant
-      charge.push_back(block.charge[taxel]);
-      force.push_back(block.mean[taxel] - b.error_of(taxel)[kForceError] -
-                      dot(response.data(), b.shared.data(), response.size()));
+      const double expected = b.error_of(taxel)[kForceError] + dot(response.data(), b.shared.data(), response.size());
+      window.add(index, place, block.mean[taxel] - expected, block.charge[taxel]);
       response[kFilm] = 0.0;  // the only one of these states that is not constant
       for (std::size_t shared = 0; shared < kSharedStates; ++shared) {
         window.response[shared][index] += response[shared];

@@ -409,16 +409,6 @@ void bind_uniform(const py::module_& module) {
   bound.attr("PAUSE") = UniformChange::kPause;
 }
 
-/// Rows of a matrix.
-Vector<Vector<double>> rows_of(const Values& matrix) {
-  Vector<Vector<double>> rows;
-  rows.reserve(static_cast<std::size_t>(matrix.shape(0)));
-  for (py::ssize_t row = 0; row < matrix.shape(0); ++row) {
-    rows.emplace_back(matrix.data(row, 0), matrix.data(row, 0) + matrix.shape(1));
-  }
-  return rows;
-}
-
 /// Columns of a matrix.
 Vector<Vector<double>> columns_of(const Values& matrix) {
   Vector<Vector<double>> columns(static_cast<std::size_t>(matrix.shape(1)));
@@ -450,9 +440,16 @@ void bind_steady_force(py::module_& module) {
         if (charge.shape(1) != force.shape(1)) {
           throw std::invalid_argument("force and charge must be of the same taxels");
         }
-        return steady_force(
-            {{time.data(), time.data() + time.size()}, rows_of(force), rows_of(charge), columns_of(response)}, warmed,
-            noise);
+        const auto taxels = static_cast<std::size_t>(force.shape(1));
+        SteadyWindow window({time.data(), time.data() + blocks}, taxels);
+        for (py::ssize_t block = 0; block < blocks; ++block) {
+          for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
+            const auto column = static_cast<py::ssize_t>(taxel);
+            window.add(static_cast<std::size_t>(block), taxel, *force.data(block, column), *charge.data(block, column));
+          }
+        }
+        window.response = columns_of(response);
+        return steady_force(window, warmed, noise);
       },
       py::arg("time"), py::arg("force"), py::arg("charge"), py::arg("response"), py::arg("warmed"), py::arg("noise"),
       "Return what the touched taxels together tell of the shared states in a window of blocks; None: nothing.");

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <utility>
 
+#include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/estimation/small_matrix.hpp"
 #include "posfet_core/numbers.hpp"
 
@@ -33,80 +34,68 @@ double product(const Vector<double>& one, const Vector<double>& other) {
   return dot(one.data(), other.data(), one.size());
 }
 
-Vector<double> sums(const Vector<Vector<double>>& rows) {
-  Vector<double> found;
-  found.reserve(rows.size());
-  for (const auto& row : rows) {
-    found.push_back(sum(row));
+void subtract_mean(Vector<double>& values) {
+  const double mean = sum(values) / static_cast<double>(values.size());
+  for (double& each : values) {
+    each -= mean;
   }
-  return found;
 }
 
-/// Takes mean and linear trend from a course of values.
-class Trend {
-public:
-  explicit Trend(Vector<double> time) : before_(std::move(time)) {
-    subtract_mean(before_);
-    rate_ = before_;
-    const double square = product(before_, before_);
-    for (double& each : rate_) {
-      each /= square;
-    }
+/// Take mean and linear trend, of these weights in its slope, from a course of values.
+Vector<double> without_trend(Vector<double> values, const Vector<double>& weights) {
+  subtract_mean(values);
+  const double factor = product(weights, values) / product(weights, weights);
+  for (std::size_t point = 0; point < values.size(); ++point) {
+    values[point] -= weights[point] * factor;
   }
-
-  /// Weights of the values in their slope [1/s].
-  const Vector<double>& rate() const { return rate_; }
-
-  Vector<double> removed(Vector<double> values) const {
-    subtract_mean(values);
-    const double slope = product(rate_, values);
-    for (std::size_t point = 0; point < values.size(); ++point) {
-      values[point] -= before_[point] * slope;
-    }
-    return values;
-  }
-
-private:
-  static void subtract_mean(Vector<double>& values) {
-    const double mean = sum(values) / static_cast<double>(values.size());
-    for (double& each : values) {
-      each -= mean;
-    }
-  }
-
-  Vector<double> before_;
-  Vector<double> rate_;
-};
+  return values;
+}
 
 /// Change of each taxel's force but for what the charge explains, all together, per time [N/s].
-double motion(const SteadyWindow& window, const Vector<double>& rate, double slope) {
+double motion(const SteadyWindow& window, double slope) {
   double total = 0.0;
-  for (std::size_t taxel = 0; taxel < window.force.front().size(); ++taxel) {
-    double each = 0.0;
-    for (std::size_t point = 0; point < rate.size(); ++point) {
-      each += rate[point] * (window.force[point][taxel] - slope * window.charge[point][taxel]);
-    }
-    total += std::abs(each);
+  for (std::size_t taxel = 0; taxel < window.force_rate.size(); ++taxel) {
+    total += std::abs(window.force_rate[taxel] - slope * window.charge_rate[taxel]);
   }
   return total;
 }
 
 }  // namespace
 
+SteadyWindow::SteadyWindow(Vector<double> times, std::size_t taxels)
+    : time(std::move(times)),
+      weights(time),
+      force(time.size(), 0.0),
+      charge(time.size(), 0.0),
+      force_rate(taxels, 0.0),
+      charge_rate(taxels, 0.0),
+      response(kSharedStates, Vector<double>(time.size(), 0.0)) {
+  subtract_mean(weights);
+  const double square = product(weights, weights);
+  for (double& each : weights) {
+    each /= square;
+  }
+}
+
+void SteadyWindow::add(std::size_t block, std::size_t taxel, double its_force, double its_charge) {
+  force[block] += its_force;
+  charge[block] += its_charge;
+  force_rate[taxel] += weights[block] * its_force;
+  charge_rate[taxel] += weights[block] * its_charge;
+}
+
 std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double warmed, double noise) {
   const auto points = static_cast<double>(window.time.size());
-  Vector<double> force = sums(window.force);
-  const double total = sum(force) / points;
+  const double total = sum(window.force) / points;
   if (warmed > kLargestChange * total) {
     return std::nullopt;
   }
-  const Trend trend(window.time);
-  const Vector<double> decay = trend.removed(sums(window.charge));
+  const Vector<double> decay = without_trend(window.charge, window.weights);
   const double square = product(decay, decay) - (points - 2.0) * noise;
   if (square * kInformative * kInformative <= noise) {
     return std::nullopt;
   }
-  const Vector<double> course = trend.removed(std::move(force));
+  const Vector<double> course = without_trend(window.force, window.weights);
   const double slope = (product(decay, course) - (points - 2.0) * noise) / square;
   double residual = 0.0;
   for (std::size_t point = 0; point < course.size(); ++point) {
@@ -115,7 +104,7 @@ std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double
   }
   residual /= points - 3.0;
   // Also of each taxel: an object that slides keeps its force, but not the forces of the taxels.
-  const double moved = motion(window, trend.rate(), slope) * (window.time.back() - window.time.front());
+  const double moved = motion(window, slope) * (window.time.back() - window.time.front());
   const double expected = kMisfit * noise * (1.0 - slope) * (1.0 - slope);
   if (residual > expected + kModelError * kModelError / points * square || moved > kLargestChange * total) {
     return std::nullopt;
@@ -123,7 +112,7 @@ std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double
   // Windows overlap: each counts for its new blocks only.
   SharedMeasurement found{slope, {}, points / kHop * (noise / square + kSteadiness * kSteadiness)};
   for (const Vector<double>& response : window.response) {
-    found.sensitivity.push_back(product(decay, trend.removed(response)) / square);
+    found.sensitivity.push_back(product(decay, without_trend(response, window.weights)) / square);
   }
   return found;
 }

@@ -14,6 +14,7 @@
 /// creep as far as theirs is alike.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 
 #include "posfet_core/recycled.hpp"
@@ -35,10 +36,19 @@ struct SharedMeasurement {
 
 /// What the touched taxels do in a window of blocks.
 struct SteadyWindow {
+  SteadyWindow(Vector<double> times, std::size_t taxels);
+
+  /// Add the estimated force, with the present shared states, and the charge that is left, as a force up to a constant
+  /// [N], of a taxel in a block.
+  void add(std::size_t block, std::size_t taxel, double its_force, double its_charge);
+
   Vector<double> time;              ///< Times of the blocks [s].
-  Vector<Vector<double>> force;     ///< Estimated forces of each block, with the present shared states [N].
-  Vector<Vector<double>> charge;    ///< Charges that are left, as forces, up to a constant [N].
-  Vector<Vector<double>> response;  ///< Response of the error of their sum to each of the shared states,
+  Vector<double> weights;           ///< Weights of the blocks in the slope of a trend [1/s].
+  Vector<double> force;             ///< Sums of the forces of each block [N].
+  Vector<double> charge;            ///< Sums of the charges of each block [N].
+  Vector<double> force_rate;        ///< Slope of the force of each taxel [N/s].
+  Vector<double> charge_rate;       ///< Slope of the charge of each taxel [N/s].
+  Vector<Vector<double>> response;  ///< Response of the error of the sum of forces to each of the shared states,
                                     ///< [states][blocks]; zero for states that are not constant.
 };
 
