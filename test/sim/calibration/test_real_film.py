@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.fit_checks import FitError
 from posfet_model.calibration.least_squares_fit import fit
-from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_DEVIATION, Calibration
+from posfet_model.calibration.taxel_calibration import (
+    NOMINAL_WARMTH_DEVIATION,
+    NOMINAL_WARMTH_TIME_CONSTANT,
+    Calibration,
+)
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.report import report
 from support.film_bench import Alteration, Board, Film, gain_at_once, record, with_slow_charge
@@ -88,6 +92,13 @@ def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(
 @pytest.mark.parametrize("name", ["a fast object", "a slow object", "all"])
 def test_the_time_constant_of_that_rise_is_found(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["sensors 0.1 s late", "relaxation and creep"])
+def test_where_nothing_warms_the_time_constant_is_the_nominal_one(
+    name: str, fitted: dict[str, tuple[Board, Calibration]]
+) -> None:
+    assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
 
 
 def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:
