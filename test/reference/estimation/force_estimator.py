@@ -1038,7 +1038,8 @@ class ForceEstimator:
     def _is_valid(self) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask
         sound = sound & (self.force <= BEYOND_RANGE * (self._runaway / RUNAWAY)) | self.ignored
-        touched = self._touched & (~self.ignored | self.informative)
+        counted = ~self.ignored | self.informative
+        touched = self._touched & counted
         any_touched = any_true(touched & ~self.ignored)  # the skin lets no faulty one feel it alone
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_true(touched) else 0.0)
         if self.touch_at_start and not self._zero_known:
@@ -1049,7 +1050,7 @@ class ForceEstimator:
             return True
         if abs(float(self.belief.shared[Shared.WARMTH])) > GREATEST_WARMTH:
             return False
-        variance = float(self._own[touched].sum() + np.square(self._factor[touched].sum(axis=0)).sum())
+        variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
         greatest = max(self._recent_force)  # a release makes the force small before it is found
         return math.sqrt(variance) <= max(self.max_relative_uncertainty * greatest, LEAST_DEVIATION * self._threshold)
 

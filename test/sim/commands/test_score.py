@@ -155,10 +155,13 @@ def test_a_light_touch_after_an_overload_is_felt() -> None:
 
 
 def test_a_light_touch_after_an_overload_on_noisy_taxels_is_in_the_total_force(calibrated: Calibration) -> None:
-    """Their thresholds are higher for a while: no contact lists 0.1 N on them, but their readings show it."""
+    """Their thresholds are higher for a while: no contact lists 0.1 N on them, but their readings show it.
+
+    Once zeros of the taxels beside them may have taken 20 mN of it, forces are not valid.
+    """
     score = run(Run(SENSOR, load_scene("overload", SENSOR), 6.5, 1, ErrorModel.default(), calibrated))
-    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 90.0
-    assert score.valid_pct is not None and score.valid_pct > 95.0
+    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
+    assert score.valid_pct is not None and score.valid_pct > 75.0
 
 
 def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibration) -> None:

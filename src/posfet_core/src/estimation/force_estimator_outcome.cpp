@@ -159,9 +159,9 @@ bool ForceEstimator::is_valid() {
     const bool fit = offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
-    chosen_[taxel] = touched_[taxel] && (!ignored()[taxel] || informative_[taxel]);
-    any_touched = any_touched || (chosen_[taxel] && !ignored()[taxel]);  // the skin lets no faulty one feel it alone
-    touching += chosen_[taxel] ? force()[taxel] : 0.0;
+    chosen_[taxel] = !ignored()[taxel] || informative_[taxel];
+    any_touched = any_touched || (touched_[taxel] && !ignored()[taxel]);  // the skin lets no faulty one feel it alone
+    touching += touched_[taxel] && chosen_[taxel] ? force()[taxel] : 0.0;
   }
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
@@ -172,15 +172,15 @@ bool ForceEstimator::is_valid() {
   return !any_touched || is_certain(chosen_);
 }
 
-/// Whether the total force of these taxels, which are touched, is certain enough.
-bool ForceEstimator::is_certain(const TaxelFlags& touched) const {
+/// Whether the total force, which is that of these taxels, is certain enough while something touches.
+bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
   if (std::abs(belief()->shared[kWarmth]) > kGreatestWarmth) {
     return false;
   }
   double variance = 0.0;
   std::array<double, kCauses> shared{};
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (touched[taxel]) {
+    if (counted[taxel]) {
       variance += own_[taxel];
       for (std::size_t cause = 0; cause < kCauses; ++cause) {
         shared[cause] += state().correlated_error[taxel * kCauses + cause];

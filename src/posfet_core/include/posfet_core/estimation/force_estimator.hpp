@@ -218,7 +218,7 @@ private:
   void follow_usual(const Block& block);
   void set_covariance(const Block& block);
   bool is_valid();
-  bool is_certain(const TaxelFlags& touched) const;
+  bool is_certain(const TaxelFlags& counted) const;
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
