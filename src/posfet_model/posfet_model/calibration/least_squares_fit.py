@@ -410,6 +410,9 @@ class _Data:
         if self.hold is None:
             return
         times = WARMTH_TIME_CONSTANTS
+        nominal = self.fit_all(before, shares, dead, with_crosstalk=False)
+        if abs(float(nominal.common[len(POLES) :].sum())) < WARMTH_DOUBT[0]:
+            return  # no more than the taxels may differ by: what fits best is the time constant of something else
         doubts = [(math.log(time / NOMINAL_WARMTH_TIME_CONSTANT) / WARMTH_TIME_SPREAD) ** 2 for time in times]
         fits: dict[int, ResponseFit] = {}
         middle, least = -1, int(np.argmin(doubts))
