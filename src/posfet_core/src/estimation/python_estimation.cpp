@@ -448,11 +448,13 @@ ErrorPriors priors_from(const py::object& priors) {
       {"offset_walk", &ErrorPriors::offset_walk},
       {"motion", &ErrorPriors::motion},
   }};
+  static_assert(kValues.back().first != nullptr, "fewer priors than their number");
   constexpr std::array<std::pair<const char*, std::array<double, kCreeps> ErrorPriors::*>, 3> kOfCreep{{
       {"creep_times", &ErrorPriors::creep_times},
       {"creep_mean", &ErrorPriors::creep_mean},
       {"creep", &ErrorPriors::creep},
   }};
+  static_assert(kOfCreep.back().first != nullptr, "fewer priors than their number");
   ErrorPriors found{};
   for (const auto& [name, member] : kValues) {
     found.*member = priors.attr(name).cast<double>();
