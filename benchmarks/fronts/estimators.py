@@ -29,7 +29,7 @@ TINY = 1e-9
 
 WITHOUT_STATES: Mapping[str, Mapping[str, Any]] = {
     "no bending": {"bend": TINY, "bend_gradient": TINY},
-    "no warmth": {"warmth": TINY, "warmth_beside": TINY},
+    "no warmth": {"warmth": TINY, "warmth_least": TINY, "warmth_spread": TINY},
     "no leakage error": {"leak": TINY, "leak_calibrated": TINY},
     "no creep": {"creep": (TINY, TINY, TINY), "creep_least": TINY},
     "film noise fixed": {"rate_change": TINY},

@@ -7,20 +7,22 @@
 
 """The filter of the force errors as it was in Python, with which `posfet_core` agrees.
 
-Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i, p_i), error of the
-force, offset of the signal, small force beside a contact and relative error of the pyroelectric response of taxel i,
+Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i, p_i, w_i), error of the
+force, offset of the signal, small force beside a contact, relative error of the pyroelectric response, and the part of
+the error that is the warmth of taxel i,
 
     t_i = m_i + G_i*(s - s^) + e_i,    cov(e_i) = V_i,    cov(s) = S.
 
 A known force of taxel i measures ``z_i = d_i + r_i + h_i.s + noise``. The update eliminates the taxels one by one: each
-adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, a = (1, 0, 1, 0);
-then each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for what the process
-noise of s makes common to the taxels (docs/estimation.md).
+adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, where a is
+(1, 0, 1, 0, 0); then each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for
+what the process noise of s makes common to the taxels (docs/estimation.md).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -29,7 +31,7 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import Shared
 from reference.reductions import any_true
 
-OWN: Final = 4
+OWN: Final = 5
 """Number of states of each taxel."""
 
 
@@ -42,8 +44,8 @@ class Belief:
     covariance: Array
     """Their covariance S, shape [shared, shared]."""
     error: Array
-    """Errors of the forces d, offsets of the signals o, small forces r beside a contact, all [N], and relative errors p
-    of the pyroelectric responses [1], shape [taxels, own]."""
+    """Errors of the forces d, offsets of the signals o, small forces r beside a contact, all [N], relative errors p of
+    the pyroelectric responses [1], and the parts w of d that vanish as the film cools [N], shape [taxels, own]."""
     slope: Array
     """Regression G of the taxels' errors on the shared states, shape [taxels, own, shared]."""
     own: Array
@@ -81,12 +83,38 @@ class Belief:
         self.own[:, 0] += expected[:, None] * self.own[:, 3]
         self.own[:, :, 0] += expected[:, None] * self.own[:, :, 3]
 
+    def cool(self, shares: Array) -> None:
+        """Let the parts of the force errors that are the taxels' own warmth vanish.
+
+        Parameters
+        ----------
+        shares : ndarray of float64, shape [taxels]
+            Share of it that each taxel has lost [1].
+        """
+        lost, left = shares[:, None], 1.0 - shares[:, None]
+        self.error[:, 0] -= shares * self.error[:, 4]
+        self.slope[:, 0] -= lost * self.slope[:, 4]
+        self.own[:, 0] -= lost * self.own[:, 4]
+        self.own[:, :, 0] -= lost * self.own[:, :, 4]
+        self.error[:, 4] *= 1.0 - shares
+        self.slope[:, 4] *= left
+        self.own[:, 4] *= left
+        self.own[:, :, 4] *= left
+
     def forget_small_forces(self, where: Mask) -> None:
         """Set the small forces r of the masked taxels to zero, as they are not beside a contact."""
         where = where & (self.own[:, 2, 2] > 0.0)
         if any_true(where):
             self.error[where, 2] = 0.0
             self.forget(where, 2)
+
+    def restart(self, state: int, mean: float, variance: float) -> None:
+        """Restart a shared state with a variance, independent of all others."""
+        self.shared[state] = mean
+        self.covariance = self.covariance.copy()
+        self.covariance[state] = self.covariance[:, state] = 0.0
+        self.covariance[state, state] = variance
+        self.slope[:, :, state] = 0.0
 
     def forget(self, where: Mask | slice, state: int) -> None:
         """Make one state of the masked taxels exactly known and independent of all others.
@@ -96,7 +124,7 @@ class Belief:
         where : ndarray of bool, shape [taxels], or slice
             Taxels concerned.
         state : int
-            Index of the state: 0 for d, 1 for o, 2 for r, 3 for p.
+            Index of the state: 0 for d, 1 for o, 2 for r, 3 for p, 4 for w.
         """
         self.slope[where, state] = 0.0
         self.own[where, state] = 0.0
@@ -118,8 +146,8 @@ def _roots(covariance: Array) -> tuple[Array, Array]:
     return deviation[:, None] * root, np.linalg.inv(root) * weight
 
 
-PAIRS: Final = ((0, 1), (0, 3), (1, 3), (0, 2), (1, 2), (2, 3))
-"""Pairs of different states of a taxel; only the first three without small forces r, which are exactly known then."""
+PAIRS: Final = tuple(combinations(range(OWN), 2))
+"""Pairs of different states of a taxel."""
 
 
 class ForceErrorFilter:
@@ -204,7 +232,7 @@ class ForceErrorFilter:
         white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)
         lost = np.einsum("tij,tij->ti", spread, slope) - np.einsum("tij,tij->ti", white, white)
         b.own.reshape(len(b.own), -1)[:, :: b.own.shape[1] + 1] += lost
-        for i, j in PAIRS if any_true(b.own[:, 2, 2] > 0.0) else PAIRS[:3]:
+        for i, j in PAIRS:
             both = np.einsum("tj,tj->t", spread[:, i], slope[:, j]) - np.einsum("tj,tj->t", white[:, i], white[:, j])
             b.own[:, i, j] += both
             b.own[:, j, i] += both

@@ -67,7 +67,6 @@ KNOWN_FILM: Final = ErrorPriors(
     bend_gradient=EXACT,
     warmth=EXACT,
     warmth_least=EXACT,
-    warmth_beside=EXACT,
     creep=(EXACT,) * CREEPS,
     gain_least=EXACT,
     motion=0.0,

@@ -61,7 +61,6 @@ inline ErrorPriors priors() {
   given.tail_spread = 0.08;
   given.tail_least = 5e-3;
   given.tail_change = 3e-3;
-  given.warmth_beside = 0.03;
   given.warmth_mean = 0.0;
   given.warmth = 0.015;
   given.warmth_least = 3e-3;

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")
 STEPS = (
     "predict", "update", "update_alone", "admit", "measure_shared", "measure_temperature", "restart_temperature",
-    "integrate", "respond", "forget_small_forces", "forget",
+    "integrate", "respond", "cool", "forget_small_forces", "forget", "restart",
 )  # fmt: skip
 
 
@@ -55,7 +55,7 @@ class Both:
     def step(self, kind: str) -> None:
         """Take a step in both, and compare."""
         arguments = getattr(self, f"_{kind}")()
-        belief = kind in {"integrate", "respond", "forget_small_forces", "forget"}
+        belief = kind in {"integrate", "respond", "cool", "forget_small_forces", "forget", "restart"}
         for each in (self.compiled, self.plain):
             getattr(each.belief if belief else each, kind)(*arguments)
         self.compare()
@@ -122,8 +122,14 @@ class Both:
     def _respond(self) -> tuple[Array]:
         return (0.1 * self.random.standard_normal(self.taxels),)
 
+    def _cool(self) -> tuple[Array]:
+        return (self.random.uniform(0.0, 0.3, self.taxels) * self._where(),)
+
     def _forget_small_forces(self) -> tuple[Array]:
         return (self._where(),)
+
+    def _restart(self) -> tuple[int, float, float]:
+        return int(self.random.integers(self.states)), 0.3, 0.2
 
     def _forget(self) -> tuple[Array, int]:
         return self._where(), int(self.random.integers(OWN))
@@ -188,7 +194,7 @@ def test_arrays_of_another_shape_are_refused() -> None:
         compiled.update(where[:3], values, rows, values)
     with pytest.raises(ValueError, match=r"matrix must have the shape \[3, 3\]"):
         compiled.predict(np.ones(3), np.eye(4), np.eye(3), values, rows, np.zeros((4, OWN, OWN)))
-    with pytest.raises(ValueError, match=r"slope must have the shape \[4, 4, 3\]"):
+    with pytest.raises(ValueError, match=r"slope must have the shape \[4, 5, 3\]"):
         scan_path.Belief(np.ones(3), np.eye(3), np.ones((4, OWN)), rows, np.zeros((4, OWN, OWN)))
     with pytest.raises(ValueError, match="no states for the temperatures"):
         compiled.measure_temperature(0.0, 1.0)

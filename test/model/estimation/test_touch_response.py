@@ -101,8 +101,10 @@ def test_warmth_follows_the_force_and_saturates_with_it() -> None:
     warm = strong + PRIORS.warmth_weak * (weak - strong)
     each = advance(response(), means)
     np.testing.assert_allclose(each.warm, warm, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(each.most_warm, weak, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(each.range, weak - strong, rtol=0, atol=1e-8)
     np.testing.assert_allclose(each.matrix()[:, Shared.WARMTH], PER_KELVIN * warm, rtol=0, atol=1e-8)
+    weakly = PER_KELVIN * (weak - strong)
+    np.testing.assert_allclose(each.matrix()[:, Shared.WEAK_WARMTH], weakly, rtol=0, atol=1e-8)
     assert each.warm[1] > each.warm[2] - 1e-3 > each.warm[5] > 0.0
     assert (each.warm <= 1.0).all()
 

@@ -42,25 +42,29 @@ def missing(code: int) -> int:
     return code - 1 if code % 4 == 1 else code
 
 
-def run(taxel: int, rest: int, convert: Code) -> tuple[list[Reconstruction], list[int]]:
-    """Return the results, and the status of the taxel after each; a touch lasts from 1 s to 2 s.
+def run(taxel: int, rest: int, convert: Code) -> tuple[list[Reconstruction], list[int], list[float]]:
+    """Return the results, and after each the status of the taxel and the total force [N].
+
+    A touch lasts from 1 s to 2 s.
 
     `rest` [counts] is the offset of the taxel: where its codes are at rest.
     """
-    reconstructor, results, statuses = Reconstructor(SENSOR), [], []
+    reconstructor, results, statuses, totals = Reconstructor(SENSOR), [], [], []
     for _, scan in scans(SENSOR, 3.0, force=press(1.0, 1.0, 2.0), shape=FINGER):
         scan.counts[taxel] = convert(int(scan.counts[taxel]) + rest)
         results.append(copy.copy(reconstructor.process(scan)))
-        status = reconstructor.image().status
+        image = reconstructor.image()
+        status = image.status
+        totals.append(float(image.total))
         statuses.append(int(status[taxel]))
         assert not np.delete(status, taxel).any()
-    return results, statuses
+    return results, statuses, totals
 
 
 @pytest.mark.parametrize("value", [0, 1])
 @pytest.mark.parametrize(("taxel", "rest"), [*product((UNDER, AWAY), (0, 64, 200))])
 def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel: int, rest: int, value: int) -> None:
-    results, statuses = run(taxel, rest, stuck_bit(7, value))
+    results, statuses, totals = run(taxel, rest, stuck_bit(7, value))
     assert not any(result.contacts for result in results[:1000])
     held = [result.contacts for result in results[1100:2000] if result.accepted]
     assert {contact.id for contacts in held for contact in contacts} == {1}
@@ -70,13 +74,16 @@ def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel
     assert not any(result.contacts for result in results[2500:])
     crossed = taxel == UNDER or rest == 0
     assert (statuses[-1] in (TaxelStatus.NOISY, TaxelStatus.STUCK)) == crossed
-    assert all(result.valid for result in results[2500:])
+    # While its steps look like a touch, nothing says that the total force is zero.
+    after = [abs(total) for result, total in zip(results[2500:], totals[2500:], strict=True) if result.valid]
+    assert max(after) < 2.5 * bit
+    assert len(after) >= 400
 
 
 @pytest.mark.parametrize("convert", [stuck_bit(1, 0), stuck_bit(1, 1), missing])
 @pytest.mark.parametrize("taxel", [UNDER, AWAY])
 def test_a_stuck_bit_1_or_a_missing_code_has_no_effect(taxel: int, convert: Code) -> None:
-    results, statuses = run(taxel, 0, convert)
+    results, statuses, _ = run(taxel, 0, convert)
     assert not any(statuses)
     assert not any(result.contacts for result in (*results[:1000], *results[2100:]))
     assert all(result.valid for result in results[200:])

@@ -42,6 +42,7 @@ def start_covariance(priors: ErrorPriors) -> Array:
     deviations[[Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]] = priors.bend_gradient
     deviations[Shared.LEAK] = priors.leak
     deviations[Shared.WARMTH] = priors.warmth
+    deviations[Shared.WEAK_WARMTH] = priors.warmth_contact * max(abs(priors.warmth_mean), priors.warmth)
     deviations[Shared.TAIL] = priors.tail_spread
     deviations[Shared.DRIFT] = priors.drift
     deviations[Shared.CREEP :] = priors.creep

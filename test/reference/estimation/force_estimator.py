@@ -100,7 +100,7 @@ SAME_ERROR: Final = 1.0
 """Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time."""
 
 CORRELATED: Final = 50.0
-"""Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
+"""Blocks over which the error of a taxel beside a contact stays the same [1]: one second."""
 
 LEAST_TAIL: Final = 1e-4
 """Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
@@ -108,7 +108,9 @@ LEAST_TAIL: Final = 1e-4
 NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
 
-OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT)))
+OF_TOUCH: Final = np.isin(
+    np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, Shared.WEAK_WARMTH, *range(Shared.CREEP, COUNT))
+)
 """Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
 tell nothing of the shared states."""
 
@@ -122,7 +124,8 @@ HOTTEST: Final = 1e3
 """Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none."""
 
 GREATEST_WARMTH: Final = 0.08
-"""Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
+"""Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are hardly
+separable then."""
 
 BEYOND_RANGE: Final = 1.25
 """Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one."""
@@ -136,9 +139,6 @@ NEGLIGIBLE: Final = 1e-12
 
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
-
-COOLING: Final = 3.0
-"""Time for which taxels cool after the release of what touched since before the start [warmth time constant]."""
 
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
@@ -179,6 +179,8 @@ class Block:
     """Share of that force that is new [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
+    cooled: Array
+    """Share of its warmth that each taxel has lost [1]."""
     rate_noise: float
     """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
     before: Belief
@@ -300,9 +302,9 @@ class ForceEstimator:
         self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
         self._lost = scans.lost  # deviation of what leaked in lost scans, common to all taxels [N]
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
-        self._usual, self._touch_force, self._tail, self._cooled, self._warmth = np.zeros((5, taxels))
+        self._usual, self._touch_force, self._tail, self._warmed, self._warmth = np.zeros((5, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._usual_offset, self._cooling, self._stepped = np.zeros((4, taxels))
+        self._untouched_time, self._usual_offset, self._stepped = np.zeros((3, taxels))
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -381,7 +383,7 @@ class ForceEstimator:
         self.variance(out)
         np.maximum(out - self._stepped, self._noise_variance, out=out)
         warmth = float(self.belief.shared[Shared.WARMTH])
-        out += np.where(self._touched, 0.0, self._per_kelvin * warmth * self._touch.most_warm) ** 2
+        out += np.where(self._touched, 0.0, self._per_kelvin * warmth * (self._touch.warm + self._touch.range)) ** 2
         return out
 
     def ignore(self, taxels: Mask) -> None:
@@ -442,11 +444,29 @@ class ForceEstimator:
             self._zero_known = True
             self._lower_bound.mask[:] = False
             self._unexplained.reset()
-            self._touch.reset()
+            self._forget_touch()
             self._touched[:] = self._beside[:] = False
             self._integration.watch_none()
         self._start_block()
         return change
+
+    def _forget_touch(self) -> None:
+        """Forget the touch, after which no force is zero, and what touches told: the force was another one.
+
+        What it warmed cools.
+        """
+        belief, response, p = self.belief, self._touch.matrix(), self._priors
+        response[:, Shared.FILM] = 0.0
+        belief.error[:, 0] += response @ belief.shared
+        belief.forget(np.ones_like(self.ignored), 0)
+        belief.own[:, 0, 0] = self._noise_variance
+        mean, prior = start_mean(p), start_covariance(p)
+        for state in np.flatnonzero(OF_TOUCH).tolist():
+            belief.restart(state, float(mean[state]), float(prior[state, state]))
+        warm = [Shared.WARMTH, Shared.WEAK_WARMTH]
+        belief.slope[:, 4, warm] = response[:, warm]
+        belief.error[:, 4] += response[:, warm] @ mean[warm]
+        self._touch.reset()
 
     def close_block(self, touched: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
         """Process the block that is due.
@@ -645,27 +665,29 @@ class ForceEstimator:
         self._advance_touch(listed, tail)
         response, p = self._touch.matrix(), self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
-        free = ~touched & (neighbour == 0.0)
-        cooled, warm = np.where(free, self._warmth_variance(), 0.0), self._touch.warm
+        warmed, warmth = self._warmth_variance(), self._touch.warm + self._touch.range
         span = 0.5 * (self._last_duration + self._elapsed)
         own_noise = np.zeros((len(mean), OWN, OWN))
         own_noise[:, :2, :2] = p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second**2)
         grown += self._jumped
-        grown += self._step_noise(touched, span) + self._cooling_noise(span)
-        # While a taxel is touched, or beside a contact, its warmth is considered; then its error follows as it cools.
-        grown += np.where(free, np.abs(cooled - self._cooled), 0.0)
+        grown += self._step_noise(touched, span)
+        left = np.divide(warmth, self._warmth, out=np.zeros_like(warmth), where=self._warmth > 0.0)
+        cooled = np.minimum(np.maximum(1.0 - left, 0.0), -math.expm1(-span / p.warmth_time))
+        differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
+        grown += differs
+        own_noise[:, 0, 4] = own_noise[:, 4, 0] = own_noise[:, 4, 4] = differs
         tail_moved = 0.0
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
-            own_noise[:, 2, 2] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
+            own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
-        self._touch_force, self._tail, self._cooled, self._warmth = held, tail, cooled, warm * warm
+        self._touch_force, self._tail, self._warmed, self._warmth = held, tail, warmed, warmth
         block = Block(
             self._raw_sum / self._scans,
             self._noise_variance / self._scans,
@@ -682,6 +704,7 @@ class ForceEstimator:
             tail,
             tail_moved,
             own_noise,
+            cooled,
             (p.touch_rate**2) * abs(total - before) * max(total, before),
             self.belief.copy(),
         )
@@ -781,6 +804,7 @@ class ForceEstimator:
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
+        belief.cool(block.cooled)
         errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
         return beside
 
@@ -798,8 +822,7 @@ class ForceEstimator:
             measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
             response = np.where(beside[:, None], response * ~OF_TOUCH, response)
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-            correlated = CORRELATED * (self._warmth_variance() + LEAST_TAIL**2)
-            noise += np.where(beside, correlated + (p.tail_change * block.neighbour) ** 2, 0.0)
+            noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
@@ -884,12 +907,14 @@ class ForceEstimator:
             if any_true(errors & below):
                 # What touched since before the start, on these taxels or beside, was released.
                 released = odd & self.offset_known & below
+                cooling = self._surroundings.dilated(released)
+                warmth = (self._priors.warmth_mean * self._per_kelvin[cooling]) ** 2
+                for i, j in ((0, 0), (0, 4), (4, 0), (4, 4)):
+                    belief.own[cooling, i, j] += warmth
                 belief.error[released, 0] += residual[released]
                 belief.forget(released, 0)
                 belief.own[released, 0, 0] = block.noise[released]
                 errors &= ~released
-                cooling = self._surroundings.dilated(released)
-                self._cooling[cooling] = COOLING * self._priors.warmth_time
                 self._untouched_time[cooling] = 0.0
                 self._zero_known = True
                 self._blocks.clear()  # to process them again would undo it
@@ -897,7 +922,7 @@ class ForceEstimator:
 
     def _set_zero(self, where: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels."""
-        noise = block.noise + self._warmth_variance() + CORRELATED * LEAST_TAIL**2
+        noise = block.noise + CORRELATED * LEAST_TAIL**2
         residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
         self._filter.update(where, residual, sensitivity, noise)
 
@@ -920,7 +945,7 @@ class ForceEstimator:
         p, touch = self._priors, self._touch
         warmth = abs(float(self.belief.shared[Shared.WARMTH]))
         own = (p.warmth_least + p.warmth_spread * warmth) * touch.warm
-        contact = p.warmth_contact * warmth * (touch.most_warm - touch.warm)
+        contact = p.warmth_contact * warmth * touch.range
         variance: Array = self._per_kelvin**2 * (own**2 + contact**2)
         return variance
 
@@ -980,13 +1005,6 @@ class ForceEstimator:
         self._stepped = np.where(touched, self._stepped + stepped, 0.0)
         return stepped
 
-    def _cooling_noise(self, span: float) -> Array:
-        """Return the variance that the errors of taxels gain as they cool after a touch that was not known [N2]."""
-        p, cooling = self._priors, self._cooling > 0.0
-        self._cooling -= cooling * span
-        noise: Array = cooling * (p.warmth_mean * self._per_kelvin) ** 2 * (span / p.warmth_time)
-        return noise
-
     def _follow_usual(self, block: Block) -> None:
         """Follow the errors of the forces and their offsets slowly, where nothing touches.
 
@@ -1024,7 +1042,11 @@ class ForceEstimator:
         # temperature contributes, which grows during a touch only.
         sensitivity = block.response * ~OF_TOUCH + belief.slope[:, 0]
         by_response = belief.own[:, 0, 3] ** 2 / np.maximum(belief.own[:, 3, 3], NEGLIGIBLE)
-        self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
+        # So does its warmth, until it is free.
+        warms = self._beside & (belief.own[:, 4, 4] > 0.0)
+        by_warmth = np.where(warms, belief.own[:, 0, 4] ** 2 / np.where(warms, belief.own[:, 4, 4], 1.0), 0.0)
+        alone = np.maximum(own - by_response - by_warmth, 0.0)
+        self._untouched_variance = alone + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
@@ -1032,7 +1054,6 @@ class ForceEstimator:
         self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
-        own += np.where(self._cooled > 0.0, 0.0, self._warmth_variance())
         self._own = own
 
     def _is_valid(self) -> bool:
@@ -1040,15 +1061,16 @@ class ForceEstimator:
         sound = sound & (self.force <= BEYOND_RANGE * (self._runaway / RUNAWAY)) | self.ignored
         counted = ~self.ignored | self.informative
         touched = self._touched & counted
-        any_touched = any_true(touched & ~self.ignored)  # the skin lets no faulty one feel it alone
-        self._recent_force.append(abs(float(self.force[touched].sum())) if any_true(touched) else 0.0)
+        any_touched = any_true(touched)
+        self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
         if self.touch_at_start and not self._zero_known:
             return False
         if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
             return False
         if not any_touched:
             return True
-        if abs(float(self.belief.shared[Shared.WARMTH])) > GREATEST_WARMTH:
+        warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
+        if abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH:
             return False
         variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
         greatest = max(self._recent_force)  # a release makes the force small before it is found
@@ -1120,7 +1142,7 @@ class ForceEstimator:
         belief, noise = self.belief, self._noise_variance
         new, known = where & ~self.offset_known, where & self.offset_known
         belief.slope[where] = 0.0
-        belief.error[where, 3] = 0.0
+        belief.error[where, 3] = belief.error[where, 4] = 0.0
         belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0

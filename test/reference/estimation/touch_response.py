@@ -63,8 +63,8 @@ class TouchResponse:
         self._force = np.zeros(taxels)
         self.warm = np.zeros(taxels)
         """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
-        self.most_warm = np.zeros(taxels)
-        """The same with the greatest thermal contact that there may be [1], shape [taxels]."""
+        self.range = np.zeros(taxels)
+        """By how much the greatest thermal contact that there may be differs from the least [1], shape [taxels]."""
         self.responding = False
         """Whether anything has touched."""
 
@@ -73,7 +73,7 @@ class TouchResponse:
         self._followed[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
-        self.warm[:] = self.most_warm[:] = 0.0
+        self.warm[:] = self.range[:] = 0.0
         self.responding = False
 
     @property
@@ -113,7 +113,8 @@ class TouchResponse:
         strong, weak = -np.expm1(-force / WARMTH_FORCE), -np.expm1(-least / LEAST_WARMTH_FORCE)
         warming = -np.expm1(-duration / self._warmth_time)
         self.warm += warming * (strong + self._warmth_weak * (weak - strong) - self.warm)
-        self.most_warm += warming * (-np.expm1(-most / LEAST_WARMTH_FORCE) - self.most_warm)
+        between = np.exp(-least / WARMTH_FORCE) - np.exp(-most / LEAST_WARMTH_FORCE)
+        self.range += warming * (between - self.range)
 
     def matrix(self) -> Array:
         """Return the responses h of the force errors to the shared states, shape [taxels, COUNT]."""
@@ -128,5 +129,6 @@ class TouchResponse:
             response[:, Shared.BEND_MOMENT] = moment_x * self._x + moment_y * self._y
             response[:, Shared.LEAK] = self.leaked
             response[:, Shared.WARMTH] = self._per_kelvin * self.warm
+            response[:, Shared.WEAK_WARMTH] = self._per_kelvin * self.range
             response[:, Shared.CREEP :] = self._followed.T
         return response

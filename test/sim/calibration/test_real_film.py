@@ -94,11 +94,14 @@ def test_the_time_constant_of_that_rise_is_found(name: str, fitted: dict[str, tu
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
 
-@pytest.mark.parametrize("name", ["sensors 0.1 s late", "relaxation and creep"])
-def test_where_nothing_warms_the_time_constant_is_the_nominal_one(
-    name: str, fitted: dict[str, tuple[Board, Calibration]]
+def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
+    fitted: dict[str, tuple[Board, Calibration]],
 ) -> None:
-    assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
+    # What fits best is the time constant of something else, and would be one of all that remains after a touch.
+    cold = [name for name in FILMS if FILMS[name].warmth == 0.0]
+    assert cold
+    for name in cold:
+        assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
 
 
 def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:

@@ -94,12 +94,48 @@ void Belief::respond(const double* expected) {
   }
 }
 
+void Belief::cool(const double* shares) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double share = shares[taxel];
+    double* covariance = own_of(taxel);
+    double* errors = error_of(taxel);
+    const bool known = covariance[own_at(kOwnWarmth, kOwnWarmth)] == 0.0 && errors[kOwnWarmth] == 0.0;
+    if (share == 0.0 || known) {
+      continue;
+    }
+    errors[kForceError] -= share * errors[kOwnWarmth];
+    errors[kOwnWarmth] *= 1.0 - share;
+    double* changed = slope_of(taxel, kForceError);
+    double* warmth = slope_of(taxel, kOwnWarmth);
+    for (std::size_t state = 0; state < states(); ++state) {
+      changed[state] -= share * warmth[state];
+      warmth[state] *= 1.0 - share;
+    }
+    add_to_force_error(covariance, kOwnWarmth, -share);
+    for (std::size_t other = 0; other < kOwnStates; ++other) {
+      covariance[own_at(kOwnWarmth, other)] *= 1.0 - share;
+      covariance[own_at(other, kOwnWarmth)] *= 1.0 - share;
+    }
+  }
+}
+
 void Belief::forget_small_forces(const bool* where) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (where[taxel] && own_of(taxel)[own_at(kSmallForce, kSmallForce)] > 0.0) {
       error_of(taxel)[kSmallForce] = 0.0;
       forget(taxel, kSmallForce);
     }
+  }
+}
+
+void Belief::restart(std::size_t state, double mean, double variance) {
+  shared[state] = mean;
+  for (std::size_t other = 0; other < states(); ++other) {
+    covariance_[state * states() + other] = covariance_[other * states() + state] = other == state ? variance : 0.0;
+  }
+  rooted_ = false;
+  for (std::size_t row = 0; row < taxels() * kOwnStates; ++row) {
+    slope[row * states() + state] = 0.0;
   }
 }
 

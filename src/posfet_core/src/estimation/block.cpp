@@ -19,6 +19,7 @@ Block::Block(std::size_t taxels)
       neighbour(taxels, 0.0),
       tail(taxels, 0.0),
       own_noise(taxels * kOwnStates * kOwnStates, 0.0),
+      cooled(taxels, 0.0),
       before(taxels, kSharedStates) {}
 
 LastBlocks::LastBlocks(std::size_t taxels) {

@@ -52,6 +52,7 @@ SquareMatrix ErrorPriors::covariance() const {
   deviations[kBendX] = deviations[kBendY] = deviations[kBendMoment] = bend_gradient;
   deviations[kLeak] = leak;
   deviations[kWarmth] = warmth;
+  deviations[kWeakWarmth] = warmth_contact * std::max(std::abs(warmth_mean), warmth);
   deviations[kTail] = tail_spread;
   deviations[kDrift] = drift;
   std::copy(creep.begin(), creep.end(), deviations.begin() + kCreep);

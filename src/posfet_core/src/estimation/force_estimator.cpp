@@ -109,29 +109,10 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
-           &leaked_,
-           &mean_,
-           &last_mean_,
-           &steady_,
-           &usual_,
-           &stepped_,
-           &untouched_time_,
-           &usual_offset_,
-           &absorbed_,
-           &cooling_,
-           &tail_,
-           &touch_force_,
-           &cooled_,
-           &warmth_,
-           &own_,
-           &measured_,
-           &noise_,
-           &residual_,
-           &untouched_variance_,
-           &deviation_,
-           &own_deviation_,
-           &leaked_share_,
-           &values_,
+           &leaked_,         &mean_,          &last_mean_,    &steady_, &usual_,       &stepped_,
+           &untouched_time_, &usual_offset_,  &absorbed_,     &tail_,   &touch_force_, &warmed_,
+           &warmth_,         &own_,           &measured_,     &noise_,  &residual_,    &untouched_variance_,
+           &deviation_,      &own_deviation_, &leaked_share_, &values_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -163,7 +144,7 @@ double ForceEstimator::offset(std::size_t taxel) const {
 double ForceEstimator::warmth_variance(std::size_t taxel) const {
   const double warmth = std::abs(belief()->shared[kWarmth]);
   const double own = (priors_.warmth_least + priors_.warmth_spread * warmth) * touch_.warm()[taxel];
-  const double contact = priors_.warmth_contact * warmth * (touch_.most_warm()[taxel] - touch_.warm()[taxel]);
+  const double contact = priors_.warmth_contact * warmth * touch_.range()[taxel];
   return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }
 
@@ -212,7 +193,8 @@ void ForceEstimator::steady_variance(double* out) const {
   const double warmth = belief()->shared[kWarmth];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     out[taxel] = std::max(out[taxel] - stepped_[taxel], noise_variance_[taxel]) +
-                 square(array_.newton_per_kelvin[taxel] * warmth * (touched_[taxel] ? 0.0 : touch_.most_warm()[taxel]));
+                 square(array_.newton_per_kelvin[taxel] * warmth *
+                        (touched_[taxel] ? 0.0 : touch_.warm()[taxel] + touch_.range()[taxel]));
   }
 }
 
@@ -266,12 +248,40 @@ void ForceEstimator::tare(bool forced, double* change) {
     zero_known_ = true;
     lower_bound_.clear();
     unexplained_.reset();
-    touch_.reset();
+    forget_touch();
     touched_.fill(false);
     beside_.fill(false);
     integration_->watch_none();
   }
   start_block();
+}
+
+/// Forget the touch, after which no force is zero, and what touches told: the force was another one. What it warmed
+/// cools.
+void ForceEstimator::forget_touch() {
+  Belief& b = *belief();
+  const std::vector<double> mean = priors_.mean();
+  const SquareMatrix prior = priors_.covariance();
+  touch_.matrix(response_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* response = response_.data() + taxel * kSharedStates;
+    response[kFilm] = 0.0;
+    b.error_of(taxel)[kForceError] += dot(response, b.shared.data(), kSharedStates);
+    b.forget(taxel, kForceError);
+    b.own_of(taxel)[own_at(kForceError, kForceError)] = noise_variance_[taxel];
+  }
+  for (std::size_t state = 0; state < kSharedStates; ++state) {
+    if (!is_of_touch(state)) {
+      continue;
+    }
+    b.restart(state, mean[state], prior[state * kSharedStates + state]);
+    for (std::size_t taxel = 0; taxel < taxels() && (state == kWarmth || state == kWeakWarmth); ++taxel) {
+      const double response = response_[taxel * kSharedStates + state];
+      b.slope_of(taxel, kOwnWarmth)[state] = response;
+      b.error_of(taxel)[kOwnWarmth] += response * mean[state];
+    }
+  }
+  touch_.reset();
 }
 
 // Start and restart.
@@ -366,7 +376,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
     std::fill_n(own, kOwnStates * kOwnStates, 0.0);
     error[kForceError] = s.raw[taxel] - dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
-    error[kSmallForce] = error[kPyroelectric] = 0.0;
+    error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
     own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
     own[own_at(kForceError, kForceError)] = noise;
     if (s.offset_known[taxel]) {

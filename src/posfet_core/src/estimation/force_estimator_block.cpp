@@ -124,21 +124,13 @@ void ForceEstimator::measure_touch(Block& block) {
   touch_.matrix(block.response);
 }
 
-/// Variance that the error of a free taxel gains as its film cools [N2]: at first all that its warmth may have made of
-/// it. While it is touched, or beside a contact, its warmth is considered.
-double ForceEstimator::cooling_variance(const Block& block, std::size_t taxel) {
-  const double before = cooled_[taxel];
-  const bool considered = block.touched[taxel] || block.neighbour[taxel] > 0.0;
-  cooled_[taxel] = considered ? 0.0 : warmth_variance(taxel);
-  return considered ? 0.0 : std::abs(cooled_[taxel] - before);
-}
-
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
 void ForceEstimator::measure_process_noise(Block& block) {
   const double scans_square = integration_->block().square;
   const double walk = square(priors_.offset_walk) * block.span;
   const bool touch = block.touched.any() || touch_.responding() || touched_.any();
   const double spread = square(tail_spread());
+  const double cooled = -std::expm1(-block.span / priors_.warmth_time);
   double whole = 0.0;
   double moved = 0.0;
   double total = 0.0;
@@ -148,22 +140,26 @@ void ForceEstimator::measure_process_noise(Block& block) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
     const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
     const double tail = block.tail[taxel];
-    const double warmth = square(touch_.warm()[taxel]);
     const double leaked = scans_square * square(1.0 / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
     double& grown = own[own_at(kForceError, kForceError)];
     const double stepped = jumps_.variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
-    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + cooling_variance(block, taxel);
-    if (cooling_[taxel] > 0.0) {
-      grown += square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]) * block.span / priors_.warmth_time;
-      cooling_[taxel] -= block.span;
-    }
+    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped;
+    const double warmed = warmth_variance(taxel);
+    const double warmth = touch_.warm()[taxel] + touch_.range()[taxel];
+    const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;
+    block.cooled[taxel] = std::min(std::max(1.0 - left, 0.0), cooled);
+    const double differs = std::max(warmed, warmed_[taxel]) - square(1.0 - block.cooled[taxel]) * warmed_[taxel];
+    own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
+    own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
+    grown += differs;
+    const double warming = warmed - warmed_[taxel];
+    warmed_[taxel] = warmed;
     if (touch) {
       grown += square(priors_.motion) * changed_square(held, touch_force_[taxel]);
-      own[own_at(kSmallForce, kSmallForce)] =
-          spread * changed_square(tail, tail_[taxel]) +
-          square(priors_.warmth_beside * array_.newton_per_kelvin[taxel]) * std::abs(warmth - warmth_[taxel]);
+      // A force that rises beside a contact cannot be told from warmth: each is as likely.
+      own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
       whole += std::max(tail, tail_[taxel]);
       moved += std::abs(tail - tail_[taxel]);
     }

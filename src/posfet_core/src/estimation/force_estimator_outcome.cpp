@@ -22,7 +22,8 @@ namespace posfet {
 
 namespace {
 
-/// Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then.
+/// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
+/// hardly separable then.
 constexpr double kGreatestWarmth = 0.08;
 
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
@@ -142,11 +143,13 @@ void ForceEstimator::set_covariance(const Block& block) {
     // temperature contributes, which grows during a touch only.
     const double by_response = square(own[own_at(kForceError, kPyroelectric)]) /
                                std::max(own[own_at(kPyroelectric, kPyroelectric)], kNegligibleResponse);
-    untouched_variance_[taxel] = own_[taxel] - by_response + shared_variance[taxel];
+    const double by_warmth = !beside_[taxel] || own[own_at(kOwnWarmth, kOwnWarmth)] == 0.0
+                                 ? 0.0
+                                 : square(own[own_at(kForceError, kOwnWarmth)]) / own[own_at(kOwnWarmth, kOwnWarmth)];
+    untouched_variance_[taxel] = std::max(own_[taxel] - by_response - by_warmth, 0.0) + shared_variance[taxel];
     own_[taxel] -= std::min(own_[taxel], square(lost));  // in the covariance as each taxel's own
-    own_[taxel] += square(array_.gain_deviation[taxel] * held) +
-                   square(array_.leak_deviation[taxel] * touch_.leaked(taxel)) +
-                   (cooled_[taxel] > 0.0 ? 0.0 : warmth_variance(taxel));
+    own_[taxel] +=
+        square(array_.gain_deviation[taxel] * held) + square(array_.leak_deviation[taxel] * touch_.leaked(taxel));
   }
 }
 
@@ -160,7 +163,7 @@ bool ForceEstimator::is_valid() {
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
     chosen_[taxel] = !ignored()[taxel] || informative_[taxel];
-    any_touched = any_touched || (touched_[taxel] && !ignored()[taxel]);  // the skin lets no faulty one feel it alone
+    any_touched = any_touched || (touched_[taxel] && chosen_[taxel]);
     touching += touched_[taxel] && chosen_[taxel] ? force()[taxel] : 0.0;
   }
   recent_force_[recent_] = std::abs(touching);
@@ -174,7 +177,7 @@ bool ForceEstimator::is_valid() {
 
 /// Whether the total force, which is that of these taxels, is certain enough while something touches.
 bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
-  if (std::abs(belief()->shared[kWarmth]) > kGreatestWarmth) {
+  if (std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth) {
     return false;
   }
   double variance = 0.0;

@@ -21,16 +21,13 @@ namespace posfet {
 
 namespace {
 
-/// Time for which taxels cool after the release of what touched since before the start [warmth time constant].
-constexpr double kCooling = 3.0;
-
 /// Factor on the prior deviation of the residual charge after that prior was rejected [1].
 constexpr double kRejected = 3.0;
 
 /// Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then.
 constexpr double kLargestLagStep = 0.5;
 
-/// Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second.
+/// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
 constexpr double kCorrelated = 50.0;
 
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
@@ -128,6 +125,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
     driven_[taxel * kSharedStates + kDrift] = block.span;
   }
   b.respond(values_.data());
+  b.cool(block.cooled.data());
   filter.predict({shared.after.data(), shared.matrix.data(), shared.noise.data(), leaked_share_.data(), driven_.data(),
                   own_noise_.data()});
 }
@@ -213,8 +211,7 @@ void ForceEstimator::expect_small_forces(const Block& block) {
       }
     }
     response[kTail] = block.tail[taxel];
-    noise_[taxel] += kCorrelated * (warmth_variance(taxel) + square(kLeastTail)) +
-                     square(priors_.tail_change * block.neighbour[taxel]);
+    noise_[taxel] += kCorrelated * square(kLeastTail) + square(priors_.tail_change * block.neighbour[taxel]);
   }
 }
 
@@ -372,8 +369,14 @@ void ForceEstimator::find_released() {
 void ForceEstimator::reset_released(const Block& block) {
   surroundings_.dilate(zeros_, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    cooling_[taxel] = chosen_[taxel] ? kCooling * priors_.warmth_time : cooling_[taxel];
-    untouched_time_[taxel] = chosen_[taxel] ? 0.0 : untouched_time_[taxel];
+    if (chosen_[taxel]) {
+      untouched_time_[taxel] = 0.0;
+      const double warmth = square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]);
+      double* own = belief()->own_of(taxel);
+      own[own_at(kForceError, kForceError)] += warmth;
+      own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] += warmth;
+      own[own_at(kOwnWarmth, kOwnWarmth)] += warmth;
+    }
     if (zeros_[taxel]) {
       belief()->error_of(taxel)[kForceError] += residual_[taxel];
       belief()->forget(taxel, kForceError);
@@ -401,7 +404,7 @@ void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& co
     if (chosen_[taxel]) {
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
-    noise_[taxel] = block.noise[taxel] + warmth_variance(taxel) + kCorrelated * square(kLeastTail);
+    noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);
   }
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());

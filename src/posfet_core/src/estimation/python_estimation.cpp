@@ -105,7 +105,7 @@ void bind_belief(const py::module_& module) {
           [](const Belief& belief) { return copy_of(belief.covariance(), {belief.states(), belief.states()}); },
           "Covariance S of the shared states, a new array, [states, states].")
       .def_property_readonly("error", &view_of_taxels<&Belief::error, kOwnStates>,
-                             "Errors (d, o, r, p) of each taxel, [taxels, own].")
+                             "Errors (d, o, r, p, w) of each taxel, [taxels, own].")
       .def_property_readonly("slope", &view_of_taxels<&Belief::slope, kOwnStates, kStates>,
                              "Regression G of these errors on the shared states, [taxels, own, states].")
       .def_property_readonly("own", &view_of_taxels<&Belief::own, kOwnStates, kOwnStates>,
@@ -126,9 +126,23 @@ void bind_belief(const py::module_& module) {
           },
           py::arg("expected"), "Add to the force errors what the taxels' own responses make of a warmer film.")
       .def(
+          "cool",
+          [](Belief& belief, const Values& shares) { belief.cool(shaped(shares, {belief.taxels()}, "shares")); },
+          py::arg("shares"), "Let the parts of the force errors that are the taxels' own warmth vanish by shares.")
+      .def(
           "forget_small_forces",
           [](Belief& belief, const Tested& where) { belief.forget_small_forces(taxel_flags(where, belief, "where")); },
           py::arg("where"), "Set the small forces r of the taxels to zero.")
+      .def(
+          "restart",
+          [](Belief& belief, std::size_t state, double mean, double variance) {
+            if (state >= belief.states()) {
+              throw py::index_error("state must be a shared one");
+            }
+            belief.restart(state, mean, variance);
+          },
+          py::arg("state"), py::arg("mean"), py::arg("variance"),
+          "Restart a shared state with a variance, independent of all others.")
       .def(
           "forget",
           [](Belief& belief, const Tested& where, std::size_t state) {
@@ -404,7 +418,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 29> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 28> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -422,7 +436,6 @@ ErrorPriors priors_from(const py::object& priors) {
       {"tail_spread", &ErrorPriors::tail_spread},
       {"tail_least", &ErrorPriors::tail_least},
       {"tail_change", &ErrorPriors::tail_change},
-      {"warmth_beside", &ErrorPriors::warmth_beside},
       {"warmth_mean", &ErrorPriors::warmth_mean},
       {"warmth", &ErrorPriors::warmth},
       {"warmth_least", &ErrorPriors::warmth_least},

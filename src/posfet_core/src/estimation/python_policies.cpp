@@ -151,7 +151,7 @@ void bind_touch_response(const py::module_& module) {
           "warm", [](const TouchResponse& response) { return array_of(response.warm()); },
           "Warmth of each taxel relative to the steady one [1], a new array.")
       .def_property_readonly(
-          "most_warm", [](const TouchResponse& response) { return array_of(response.most_warm()); },
+          "range", [](const TouchResponse& response) { return array_of(response.range()); },
           "The same with the greatest thermal contact that there may be [1], a new array.")
       .def_property_readonly(
           "leaked",

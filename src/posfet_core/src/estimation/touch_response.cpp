@@ -33,7 +33,7 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
 }
 
 void TouchResponse::reset() {
-  for (auto* values : {&charge_, &force_, &warm_, &most_warm_}) {
+  for (auto* values : {&charge_, &force_, &warm_, &range_}) {
     values->assign(tau_.size(), 0.0);
   }
   for (auto& values : followed_) {
@@ -66,7 +66,8 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     const double strong = -std::expm1(-force[taxel] / kWarmthForce);
     const double weak = -std::expm1(-least[taxel] / kLeastWarmthForce);
     warm_[taxel] += warming * (strong + warmth_weak_ * (weak - strong) - warm_[taxel]);
-    most_warm_[taxel] += warming * (-std::expm1(-most[taxel] / kLeastWarmthForce) - most_warm_[taxel]);
+    const double range = std::exp(-least[taxel] / kWarmthForce) - std::exp(-most[taxel] / kLeastWarmthForce);
+    range_[taxel] += warming * (range - range_[taxel]);
   }
 }
 
@@ -84,6 +85,7 @@ void TouchResponse::matrix(std::vector<double>& response) const {
     row[kBendMoment] = moment_x * x_[taxel] + moment_y * y_[taxel];
     row[kLeak] = leaked(taxel);
     row[kWarmth] = per_kelvin_[taxel] * warm_[taxel];
+    row[kWeakWarmth] = per_kelvin_[taxel] * range_[taxel];
     for (std::size_t creep = 0; creep < kCreeps; ++creep) {
       row[kCreep + creep] = followed_[creep][taxel];
     }

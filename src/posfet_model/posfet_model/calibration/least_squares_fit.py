@@ -410,6 +410,9 @@ class _Data:
         if self.hold is None:
             return
         times = WARMTH_TIME_CONSTANTS
+        nominal = self.fit_all(before, shares, dead, with_crosstalk=False)
+        if abs(float(nominal.common[len(POLES) :].sum())) < WARMTH_DOUBT[0]:
+            return  # no more than the taxels may differ by: what fits best is the time constant of something else
         doubts = [(math.log(time / NOMINAL_WARMTH_TIME_CONSTANT) / WARMTH_TIME_SPREAD) ** 2 for time in times]
         fits: dict[int, ResponseFit] = {}
         middle, least = -1, int(np.argmin(doubts))
@@ -488,14 +491,11 @@ def _calibration(
     poles = len(POLES) if data.hold is not None else 0
     deviations = np.sqrt(np.diag(found.common_covariance))
     warmth, warmth_deviation, weak_share = 0.0, NOMINAL_WARMTH_DEVIATION, 0.0
-    warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
     deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
     if poles and deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles:].sum())
         weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0)) if warmth else 0.0
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
-        if abs(warmth) > warmth_deviation:  # otherwise any time constant fits
-            warmth_time = data.warmth_time
     film_lag, sensor_lag = data.film_lag, 0.0
     if thermal is not None:
         film_lag = thermal.lag if thermal.lag >= 0.0 else data.film_lag
@@ -518,7 +518,7 @@ def _calibration(
         relaxation_deviations=deviations[:poles],
         warmth=warmth,
         warmth_deviation=warmth_deviation,
-        warmth_time_constant=warmth_time,
+        warmth_time_constant=data.warmth_time,
         warmth_weak_share=weak_share,
         temperature_sensor_lag=sensor_lag,
         temperature=float(data.temperature.mean()),

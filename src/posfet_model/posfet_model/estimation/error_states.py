@@ -47,11 +47,13 @@ class Shared(IntEnum):
     """Relative error of the leak rates that all taxels have in common [1]."""
     WARMTH = 11
     """Temperature of the film of a touched taxel above the others [K]."""
-    TAIL = 12
+    WEAK_WARMTH = 12
+    """The same beyond what is expected where the force is weak [K]."""
+    TAIL = 13
     """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
-    DRIFT = 13
+    DRIFT = 14
     """What the offsets of all taxels have in common, as a rate of the force errors [N/s]."""
-    CREEP = 14
+    CREEP = 15
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
@@ -106,8 +108,6 @@ class ErrorPriors:
     """The same as a share of its neighbours' force [1]."""
     tail_change: float = 0.003
     """Change of that force from block to block, as a share of the neighbours' force [1]."""
-    warmth_beside: float = 0.03
-    """Warmth of a taxel beside a contact [K]."""
     warmth_mean: float = 0.0
     """Warmth of a touched taxel, expected [K], and"""
     warmth: float = 0.015

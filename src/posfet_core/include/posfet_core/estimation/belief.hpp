@@ -21,13 +21,14 @@
 namespace posfet {
 
 /// States of each taxel: t = (d, o, r, p).
-constexpr std::size_t kOwnStates = 4;
+constexpr std::size_t kOwnStates = 5;
 
 // Position of each of them.
 constexpr std::size_t kForceError = 0;    ///< d [N].
 constexpr std::size_t kOffset = 1;        ///< o [N].
 constexpr std::size_t kSmallForce = 2;    ///< r [N]; known exactly, 0, but beside a contact.
 constexpr std::size_t kPyroelectric = 3;  ///< p [1].
+constexpr std::size_t kOwnWarmth = 4;     ///< w [N]: the part of d that vanishes as the film cools.
 
 /// Place of an element of the covariance of a taxel's states.
 constexpr std::size_t own_at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
@@ -67,8 +68,14 @@ public:
   /// error is expected to change [N], [taxels].
   void respond(const double* expected);
 
+  /// Let the parts of the force errors that are the taxels' own warmth vanish by shares [1], [taxels].
+  void cool(const double* shares);
+
   /// Set the small forces of taxels to zero, as they are not beside a contact.
   void forget_small_forces(const bool* where);
+
+  /// Restart a shared state with a variance, independent of all others.
+  void restart(std::size_t state, double mean, double variance);
 
   /// Make one state of a taxel exactly known and independent of all others.
   void forget(std::size_t taxel, std::size_t state);

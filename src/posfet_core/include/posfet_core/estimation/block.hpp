@@ -37,6 +37,7 @@ struct Block {
                                   ///< contact [N].
   double tail_moved = 0.0;        ///< Share of that force that is new [1].
   std::vector<double> own_noise;  ///< Covariance of the process noise of each taxel, [taxels, own, own].
+  std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
   double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
                                   ///< [K2/s2].
   Belief before;                  ///< Belief before this block.

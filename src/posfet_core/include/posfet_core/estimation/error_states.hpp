@@ -36,7 +36,6 @@ struct ErrorPriors {
   double tail_spread;
   double tail_least;
   double tail_change;
-  double warmth_beside;
   double warmth_mean;
   double warmth;
   double warmth_least;

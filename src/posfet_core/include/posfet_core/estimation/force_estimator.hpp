@@ -165,6 +165,7 @@ private:
   double signal(std::size_t taxel) const;
   double offset(std::size_t taxel) const;
   double warmth_variance(std::size_t taxel) const;
+  void forget_touch();
   double tail_spread() const;
   double film_rate() const;
   void find_absorbed(std::vector<double>& out) const;
@@ -183,7 +184,6 @@ private:
   void measure(Block& block);
   void measure_touch(Block& block);
   void find_tails(Block& block);
-  double cooling_variance(const Block& block, std::size_t taxel);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
   void observe_rest(bool listed);
@@ -271,12 +271,11 @@ private:
   std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
   std::vector<double> absorbed_;            ///< What a slow press may have lost to zeros [N].
-  std::vector<double> cooling_;             ///< Time for which a taxel still cools whose touch was not known [s].
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
-  std::vector<double> warmth_;              ///< Squares of the relative warmth of the taxels [1].
-  std::vector<double> cooled_;              ///< Variance by the warmth of untouched taxels in their errors [N2].
+  std::vector<double> warmth_;              ///< Greatest relative warmth of the taxels [1].
+  std::vector<double> warmed_;              ///< Variance of the warmth of each taxel about the common one [N2].
   std::vector<double> own_;                 ///< Variance of each force that it does not share [N2].
   std::vector<double> untouched_variance_;  ///< The variance that it would have without a touch [N2].
   TaxelFlags listed_;                       ///< Taxels in contact in the last block.

@@ -26,16 +26,19 @@ constexpr std::size_t kBendMoment = 9;  ///< The same as a force away from the m
                                         ///< place that is pressed [1].
 constexpr std::size_t kLeak = 10;       ///< Relative error of the leak rates that all taxels have in common [1].
 constexpr std::size_t kWarmth = 11;     ///< Temperature of the film of a touched taxel above the others [K].
-constexpr std::size_t kTail = 12;       ///< Force that the cover lets an untouched taxel feel, relative to that of a
-                                        ///< geometric decline [1].
-constexpr std::size_t kDrift = 13;  ///< What the offsets of all taxels have in common, as a rate of the force errors
+constexpr std::size_t kWeakWarmth = 12;  ///< The same beyond what is expected where the force is weak [K].
+constexpr std::size_t kTail = 13;        ///< Force that the cover lets an untouched taxel feel, relative to that of a
+                                         ///< geometric decline [1].
+constexpr std::size_t kDrift = 14;  ///< What the offsets of all taxels have in common, as a rate of the force errors
                                     ///< [N/s].
-constexpr std::size_t kCreep = 14;  ///< First of the slow responses of the film to a force, relative to it [1].
+constexpr std::size_t kCreep = 15;  ///< First of the slow responses of the film to a force, relative to it [1].
 constexpr std::size_t kCreeps = 3;  ///< Number of these.
 constexpr std::size_t kSharedStates = kCreep + kCreeps;  ///< Number of shared states.
 
 /// Whether a state is a response of a taxel to its own force. Those of a taxel beside a contact are part of its small
 /// force, and tell nothing of the shared states.
-constexpr bool is_of_touch(std::size_t state) { return state == kLeak || state == kWarmth || state >= kCreep; }
+constexpr bool is_of_touch(std::size_t state) {
+  return state == kLeak || state == kWarmth || state == kWeakWarmth || state >= kCreep;
+}
 
 }  // namespace posfet

@@ -44,8 +44,8 @@ public:
   /// Warmth of each taxel relative to the steady one [1].
   const std::vector<double>& warm() const { return warm_; }
 
-  /// The same with the greatest thermal contact that there may be [1].
-  const std::vector<double>& most_warm() const { return most_warm_; }
+  /// By how much the greatest thermal contact that there may be differs from the least [1].
+  const std::vector<double>& range() const { return range_; }
 
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
@@ -72,7 +72,7 @@ private:
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
   std::vector<double> force_;                          ///< Touched force of the last block [N].
   std::vector<double> warm_;
-  std::vector<double> most_warm_;
+  std::vector<double> range_;
 };
 
 }  // namespace posfet
