@@ -1065,9 +1065,9 @@ class ForceEstimator:
         self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
         if self.touch_at_start and not self._zero_known:
             return False
-        if self._recovering > 0.0 or not sound.all() or abs(self._doubt) > self._negligible:
+        if self._recovering > 0.0 or not sound.all():
             return False
-        if not any_touched:
+        if not any_touched and abs(self._doubt) <= self._negligible:
             return True
         warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
         if abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH:

@@ -169,13 +169,14 @@ bool ForceEstimator::is_valid() {
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
   const bool unknown_zero = touch_at_start && !zero_known_;
-  if (unknown_zero || recovering_ > 0.0 || !sound || std::abs(doubt_) > negligible_) {
+  if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
   }
-  return !any_touched || is_certain(chosen_);
+  const bool may_touch = any_touched || std::abs(doubt_) > negligible_;
+  return !may_touch || is_certain(chosen_);
 }
 
-/// Whether the total force, which is that of these taxels, is certain enough while something touches.
+/// Whether the total force, which is that of these taxels, is certain enough while something touches, or may.
 bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
   if (std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth) {
     return false;
