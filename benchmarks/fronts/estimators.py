@@ -16,7 +16,7 @@ from typing import Any
 from unittest.mock import patch
 
 from posfet_model.estimation import force_estimator
-from posfet_model.estimation.error_states import ErrorPriors
+from posfet_model.estimation.error_states import BENDS, ErrorPriors
 from posfet_model.reconstruction.settings import ReconstructionSettings
 
 STACK = "this stack"
@@ -28,7 +28,7 @@ TINY = 1e-9
 """Standard deviation of a state that is left out: nothing is learnt of it."""
 
 WITHOUT_STATES: Mapping[str, Mapping[str, Any]] = {
-    "no bending": {"bend": TINY, "bend_gradient": TINY},
+    "no bending": {"bend": (TINY,) * BENDS, "bend_share": 0.0},
     "no warmth": {"warmth": TINY, "warmth_least": TINY, "warmth_spread": TINY},
     "no leakage error": {"leak": TINY, "leak_calibrated": TINY},
     "no creep": {"creep": (TINY, TINY, TINY), "creep_least": TINY},

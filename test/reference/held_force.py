@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.estimation.error_states import CREEPS, ErrorPriors
+from posfet_model.estimation.error_states import BENDS, CREEPS, ErrorPriors
 from posfet_model.estimation.force_estimator import BLOCK as DURATION
 from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -63,8 +63,7 @@ KNOWN_FILM: Final = ErrorPriors(
     scale=EXACT,
     reading=RESOLUTION / math.sqrt(24.0),
     leak_calibrated=EXACT,
-    bend=EXACT,
-    bend_gradient=EXACT,
+    bend=(EXACT,) * BENDS,
     warmth=EXACT,
     warmth_least=EXACT,
     creep=(EXACT,) * CREEPS,

@@ -58,6 +58,8 @@ class Film:
     """Slope of the chip's temperature [K/s]."""
     bending: float = 0.0
     """Charge on every taxel per total force [1]."""
+    bending_moment: float = 0.0
+    """The same per moment of the forces, at the edges of the array and relative to half a side [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +152,10 @@ def record(
         temperature = temperature + lag(
             time, film.warmth * force / (force + sensor.contact.threshold), film.warmth_time
         )
-    source = gain * with_slow_charge(time, force, film) + per_kelvin * temperature
-    source = source + film.bending * force.sum(axis=1, keepdims=True)
+    places = sensor.layout.positions - sensor.layout.positions.mean(axis=0)
+    places = places / np.abs(places).max(axis=0)
+    bent = film.bending * force.sum(axis=1, keepdims=True) + film.bending_moment * (force @ places) @ places.T
+    source = gain * (with_slow_charge(time, force, film) + bent) + per_kelvin * temperature
     if change is not None:
         source = change(time, source)
     charge = np.zeros(source.shape)

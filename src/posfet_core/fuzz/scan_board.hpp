@@ -54,8 +54,8 @@ inline ErrorPriors priors() {
   given.lag_spread = 0.8;
   given.scale = 0.04;
   given.reading = 4e-3;
-  given.bend = 3e-3;
-  given.bend_gradient = 1.5e-3;
+  given.bend_mean = {0.0, 0.0, 0.0, 0.0};
+  given.bend = {3e-3, 1.5e-3, 1.5e-3, 1.5e-3};
   given.leak = 0.1;
   given.tail = 0.1;
   given.tail_spread = 0.08;

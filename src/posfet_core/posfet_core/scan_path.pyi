@@ -624,7 +624,13 @@ class ReleaseDetector:
     PEAK_DECAY: Final[float]
     def __init__(self, taxels: int) -> None: ...
     def update(
-        self, contacts: Sequence[ArrayLike], mean: ArrayLike, touched: ArrayLike, variance: ArrayLike, noise: float
+        self,
+        contacts: Sequence[ArrayLike],
+        mean: ArrayLike,
+        course: ArrayLike,
+        touched: ArrayLike,
+        variance: ArrayLike,
+        noise: float,
     ) -> NDArray[np.bool_]: ...
     def has_left(self, taxel: int, mean: float, noise: float) -> bool: ...
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from posfet_core.scan_path import SharedDynamics
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
+from posfet_model.estimation.error_states import BENDS, COUNT, CREEPS, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
 from reference.estimation.error_states import start_covariance, start_mean
 
@@ -203,6 +203,19 @@ def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> N
     # Stated by the calibration, but a film ages.
     assert priors.creep_least <= known.creep[0] < priors.creep[0]
     assert known.creep[1:] == priors.creep[1:]
+
+
+def test_bending_that_a_calibration_found_is_expected_and_may_have_changed() -> None:
+    priors = ErrorPriors()
+    sizes = np.array([8e-3, -1e-3, 0.5e-3, 2e-3])
+    known = priors.with_calibration(calibration(bending=sizes, bending_deviation=np.full(BENDS, 1e-5)))
+    bends = slice(Shared.BEND, Shared.BEND + BENDS)
+    np.testing.assert_array_equal(start_mean(known)[bends], sizes)
+    assert list(Shared)[bends] == [Shared.BEND, Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]
+    # A chip is mounted otherwise on its calibration rig: no less uncertain than without, and by a share of the largest.
+    expected = np.sqrt(np.square(priors.bend) + (priors.bend_share * 8e-3) ** 2 + 1e-10)
+    np.testing.assert_allclose(np.sqrt(np.diag(start_covariance(known))[bends]), expected, rtol=1e-12)
+    assert known.bend[0] < 0.5 * sizes[0]
 
 
 def test_more_slow_responses_than_states_are_left_out() -> None:

@@ -132,7 +132,7 @@ class Release:
         touched[np.concatenate(contacts)] = True
         found = []
         for force in forces:
-            released = self.detector.update(contacts, force, touched, self.variance, NOISE)
+            released = self.detector.update(contacts, force, force, touched, self.variance, NOISE)
             found.append(np.flatnonzero(released).tolist())
         return found
 
@@ -179,6 +179,20 @@ def test_a_taxel_whose_force_is_hardly_known_does_not_keep_the_contact_of_an_obj
 def test_a_contact_is_not_released_while_it_moves() -> None:
     falling = [at(0.015 - 0.0008 * number, *CONTACT.tolist()) for number in range(30)]
     assert first(Release().run(hold(0.1, 20) + falling)) is None
+
+
+def test_motion_that_bending_hides_keeps_a_taxel_unknown_and_a_contact_listed() -> None:
+    """As it becomes known that the chip bends, less is left of a force that grows, or falls, in the same proportion."""
+    release, taxel = Release(), int(CONTACT[0])
+    touched = NOWHERE.copy()
+    touched[CONTACT] = True
+    release.run(hold(0.1, 20))
+    for number in range(20):
+        course = at(0.012 - 0.0005 * number, *CONTACT.tolist())
+        mean = at(0.5 * DEVIATION, *CONTACT.tolist())
+        released = release.detector.update([CONTACT], mean, course, touched, release.variance, NOISE)
+        assert not released.any()
+    assert not release.detector.has_left(taxel, 0.5 * DEVIATION, NOISE)
 
 
 def test_a_taxel_has_left_once_its_force_has_hardly_changed_or_is_below_zero() -> None:

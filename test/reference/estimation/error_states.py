@@ -16,7 +16,7 @@ import numpy as np
 
 from posfet_core import scan_path
 from posfet_model._lib.types import Array
-from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
+from posfet_model.estimation.error_states import BENDS, COUNT, ErrorPriors, Shared
 
 NEGLIGIBLE: Final = 1e-6
 """Deviation of the temperatures at the start, which are zero by definition [K]; not 0, for a regular covariance."""
@@ -38,8 +38,7 @@ def start_covariance(priors: ErrorPriors) -> Array:
     deviations[Shared.SENSOR] = priors.reading
     deviations[Shared.LAG] = priors.lag_spread
     deviations[Shared.SCALE] = priors.scale
-    deviations[Shared.BEND] = priors.bend
-    deviations[[Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]] = priors.bend_gradient
+    deviations[Shared.BEND : Shared.BEND + BENDS] = priors.bend
     deviations[Shared.LEAK] = priors.leak
     deviations[Shared.WARMTH] = priors.warmth
     deviations[Shared.WEAK_WARMTH] = priors.warmth_contact * max(abs(priors.warmth_mean), priors.warmth)
@@ -54,6 +53,7 @@ def start_mean(priors: ErrorPriors) -> Array:
     state = np.zeros(COUNT)
     state[Shared.LAG] = math.log(priors.lag)
     state[Shared.TAIL] = priors.tail
+    state[Shared.BEND : Shared.BEND + BENDS] = priors.bend_mean
     state[Shared.WARMTH] = priors.warmth_mean
     state[Shared.CREEP :] = priors.creep_mean
     return state

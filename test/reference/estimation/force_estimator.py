@@ -24,7 +24,7 @@ from posfet_core.scan_path import OWN_STATES as OWN
 from posfet_core.scan_path import Belief, ForceErrorFilter, Thermometers
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
+from posfet_model.estimation.error_states import BENDS, COUNT, ErrorPriors, Shared
 from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
@@ -521,9 +521,11 @@ class ForceEstimator:
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
-        released = self._release.update(
-            contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
-        )
+        bends = slice(Shared.BEND, Shared.BEND + BENDS)
+        predicted = self._filter.predicted(block.response)
+        course = block.mean - predicted + block.response[:, bends] @ self.belief.shared[bends]
+        noise = math.sqrt(float(block.noise.max()))
+        released = self._release.update(contacts, self._mean, course, self._touched, variance, noise)
         if released is not None:
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
             self._set_zero(released, block)

@@ -177,7 +177,13 @@ class ReleaseDetector:
         self._blocks = np.zeros(taxels, np.intp)
 
     def update(
-        self, contacts: Sequence[NDArray[np.intp]], mean: Array, touched: Mask, variance: Array, noise: float
+        self,
+        contacts: Sequence[NDArray[np.intp]],
+        mean: Array,
+        course: Array,
+        touched: Mask,
+        variance: Array,
+        noise: float,
     ) -> Mask | None:
         """Process a block; return the mask of the taxels of released contacts, None without one.
 
@@ -187,6 +193,8 @@ class ReleaseDetector:
             Taxels of each contact.
         mean : ndarray of float64, shape [taxels]
             Mean forces [N].
+        course : ndarray of float64, shape [taxels]
+            The same with the charge of bending, which moves as the forces do [N].
         touched : ndarray of bool, shape [taxels]
             Touched taxels.
         variance : ndarray of float64, shape [taxels]
@@ -200,7 +208,7 @@ class ReleaseDetector:
         for contact in contacts:
             self._peak[contact] = self._peak[contact].max()  # one object: what is left at its edge was its, too
             self._object[contact] = max(float(self._object[contact].max()), _total(mean[contact]))
-        self._means.append(mean)
+        self._means.append(course)
         if not contacts:
             self._blocks[:] = 0
             return None
@@ -210,7 +218,7 @@ class ReleaseDetector:
             for contact in contacts:
                 peak = float(self._peak[contact].max())
                 force = mean[contact]
-                moved = float(np.abs(force - before[contact]).max())
+                moved = float(np.abs(course[contact] - before[contact]).max())
                 looks[contact] = (
                     _total(force) < RELEASED_SHARE * float(self._object[contact].max())
                     and moved < GATE * noise + RESIDUAL_MOTION * peak

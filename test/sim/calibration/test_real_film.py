@@ -20,6 +20,7 @@ from posfet_model.calibration.calibration_file import load_calibration, save_cal
 from posfet_model.calibration.fit_checks import FitError
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import (
+    NOMINAL_BENDING_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
     NOMINAL_WARMTH_TIME_CONSTANT,
     Calibration,
@@ -37,6 +38,7 @@ FILMS = {
     "relaxation and creep": Film(relaxation=0.03, creep=0.05, sensor_lag=1.0),
     "a fast object": Film(warmth=0.03, warmth_time=0.2),
     "a slow object": Film(warmth=0.03, warmth_time=1.7),
+    "bending": Film(bending=8e-3, bending_moment=2e-3),
     "all": Film(relaxation=0.02, creep=0.04, warmth=0.03, sensor_lag=1.0, bending=2e-3, ramp=2.0 / 60.0),
 }
 
@@ -102,6 +104,34 @@ def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
     assert cold
     for name in cold:
         assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_the_bending_of_the_chip_is_found(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    film, found = FILMS[name], fitted[name][1]
+    # With relaxation, a gain is that of 30 ms after a force, and the bending that at once.
+    expected = np.array([film.bending, 0.0, 0.0, film.bending_moment])
+    tolerance = 4.0 * found.bending_deviation + 0.05 * film.bending
+    assert (np.abs(found.bending - expected) < tolerance).all()
+    assert (found.bending_deviation < 0.1 * np.array(NOMINAL_BENDING_DEVIATION)).all()
+
+
+def test_the_report_names_the_bending(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    found = fitted["bending"][1]
+    assert f"{1e3 * found.bending[0]:.2f} +- {1e3 * found.bending_deviation[0]:.2f} mN/N" in report(SENSOR, found)
+    assert "not in the file" in report(SENSOR, replace(found, bending=np.zeros(0), bending_deviation=np.zeros(0)))
+
+
+def test_a_file_without_bending_is_read(fitted: dict[str, tuple[Board, Calibration]], tmp_path: Path) -> None:
+    none = replace(fitted["bending"][1], bending=np.zeros(0), bending_deviation=np.zeros(0))
+    save_calibration(tmp_path / "cal.yaml", SENSOR, none)
+    assert load_calibration(tmp_path / "cal.yaml", SENSOR).bending.size == 0
+
+
+def test_a_bending_that_no_chip_has_is_refused() -> None:
+    board = record(SENSOR, Film(bending=0.05), long_hold=False)
+    with pytest.raises(FitError, match=r"^bending: must be within .* got 4[5-9]"):
+        fit(SENSOR, board.recording, DATE)
 
 
 def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:
@@ -173,7 +203,7 @@ def test_poles_and_deviations_survive_a_round_trip(
     for name in (
         "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
-        "warmth_time_constant", "warmth_weak_share",
+        "warmth_time_constant", "warmth_weak_share", "bending", "bending_deviation",
         "thermal_time_constant", "temperature",
     ):  # fmt: skip
         np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-5, err_msg=name)

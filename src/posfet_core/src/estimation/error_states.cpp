@@ -37,6 +37,7 @@ std::vector<double> ErrorPriors::mean() const {
   state[kLag] = std::log(lag);
   state[kTail] = tail;
   state[kWarmth] = warmth_mean;
+  std::copy(bend_mean.begin(), bend_mean.end(), state.begin() + kBend);
   std::copy(creep_mean.begin(), creep_mean.end(), state.begin() + kCreep);
   return state;
 }
@@ -48,8 +49,7 @@ SquareMatrix ErrorPriors::covariance() const {
   deviations[kSensor] = reading;
   deviations[kLag] = lag_spread;
   deviations[kScale] = scale;
-  deviations[kBend] = bend;
-  deviations[kBendX] = deviations[kBendY] = deviations[kBendMoment] = bend_gradient;
+  std::copy(bend.begin(), bend.end(), deviations.begin() + kBend);
   deviations[kLeak] = leak;
   deviations[kWarmth] = warmth;
   deviations[kWeakWarmth] = warmth_contact * std::max(std::abs(warmth_mean), warmth);

@@ -390,13 +390,18 @@ void ForceEstimator::reset_released(const Block& block) {
 /// Set the forces of released contacts to zero.
 void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& contacts) {
   std::vector<double>& variance = values_;
+  std::vector<double>& course = residual_;
   const std::vector<double>& shared = state().correlated_error;
+  filter_.predicted(block.response.data(), course.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* factor = shared.data() + taxel * kCauses;
     variance[taxel] = own_[taxel] + (contacts.empty() ? 0.0 : dot(factor, factor, kCauses));
+    const double* response = block.response.data() + taxel * kSharedStates;
+    course[taxel] = block.mean[taxel] - course[taxel] + dot(response + kBend, belief()->shared.data() + kBend, kBends);
   }
   const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
-  if (!release_.update(contacts, mean_.data(), touched_.data(), variance.data(), noise, chosen_.data())) {
+  if (!release_.update(contacts, mean_.data(), course.data(), touched_.data(), variance.data(), noise,
+                       chosen_.data())) {
     return;
   }
   find_absorbed(absorbed_);

@@ -80,14 +80,14 @@ ReleaseDetector::ReleaseDetector(std::size_t taxels)
       means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)),
       blocks_(taxels, 0) {}
 
-bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched,
-                             const double* variance, double noise, bool* released) {
+bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const double* course,
+                             const bool* touched, const double* variance, double noise, bool* released) {
   const std::size_t taxels = peak_.size();
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     peak_[taxel] = std::max(kPeakDecay * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
     object_[taxel] *= kPeakDecay;
   }
-  means_[seen_ % means_.size()].assign(mean, mean + taxels);
+  means_[seen_ % means_.size()].assign(course, course + taxels);
   ++seen_;
   for (const Taxels* contact : contacts) {
     double greatest = 0.0;  // one object: what is left at its edge was its, too
@@ -105,7 +105,7 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
   }
   std::fill(released, released + taxels, false);
   for (const Taxels* contact : contacts) {
-    const bool looks = looks_released(*contact, mean, variance, noise);
+    const bool looks = looks_released(*contact, mean, course, variance, noise);
     for (const Taxel taxel : *contact) {
       released[static_cast<std::size_t>(taxel)] = looks;
     }
@@ -128,8 +128,8 @@ bool ReleaseDetector::has_left(std::size_t taxel, double mean, double noise) con
   return mean < -kGate * noise || moved < kGate * noise + kResidualMotion * peak_[taxel];
 }
 
-bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, const double* variance,
-                                     double noise) const {
+bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, const double* course,
+                                     const double* variance, double noise) const {
   if (seen_ < means_.size() || contact.empty()) {
     return false;
   }
@@ -144,7 +144,7 @@ bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, 
     peak = std::max(peak, peak_[taxel]);
     object = std::max(object, object_[taxel]);
     total += mean[taxel];
-    moved = std::max(moved, std::abs(mean[taxel] - before[taxel]));
+    moved = std::max(moved, std::abs(course[taxel] - before[taxel]));
     squares += mean[taxel] * mean[taxel] / variance[taxel];
   }
   return total < kReleasedShare * object && moved < kGate * noise + kResidualMotion * peak &&

@@ -418,7 +418,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 28> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 26> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -429,8 +429,6 @@ ErrorPriors priors_from(const py::object& priors) {
       {"lag_spread", &ErrorPriors::lag_spread},
       {"scale", &ErrorPriors::scale},
       {"reading", &ErrorPriors::reading},
-      {"bend", &ErrorPriors::bend},
-      {"bend_gradient", &ErrorPriors::bend_gradient},
       {"leak", &ErrorPriors::leak},
       {"tail", &ErrorPriors::tail},
       {"tail_spread", &ErrorPriors::tail_spread},
@@ -456,6 +454,8 @@ ErrorPriors priors_from(const py::object& priors) {
   }};
   static_assert(kOfCreep.back().first != nullptr, "fewer priors than their number");
   ErrorPriors found{};
+  found.bend_mean = priors.attr("bend_mean").cast<std::array<double, kBends>>();
+  found.bend = priors.attr("bend").cast<std::array<double, kBends>>();
   for (const auto& [name, member] : kValues) {
     found.*member = priors.attr(name).cast<double>();
   }

@@ -102,6 +102,11 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
         },
         "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
     }
+    if len(calibration.bending):
+        document["bending"] = {
+            "sizes_mN_per_N": _rounded(calibration.bending * 1e3),
+            "deviations_mN_per_N": _rounded(calibration.bending_deviation * 1e3),
+        }
     if calibration.temperature is not None:
         document["temperature_C"] = _number(calibration.temperature)
     if calibration.thermal_time_constant is not None:
@@ -233,6 +238,14 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4),
             warmth_weak_share=warmth.number("weak_share_percent", 0.0, 100.0) / 100,
         )
+    if "bending" in top:
+        bending = top.section("bending")
+        calibration = replace(
+            calibration,
+            bending=np.array(bending.numbers("sizes_mN_per_N", 4, -1000.0, 1000.0)) * 1e-3,
+            bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
+        )
+        bending.end()
     relaxation.end()
     warmth.end()
     return calibration

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.bending_fit import BendingFit
 from posfet_model.calibration.leaky_response import block_means, high_pass
 from posfet_model.calibration.response_fit import (
     RATE_RANGE,
@@ -37,6 +38,9 @@ GAIN_RANGE: Final = (0.25, 4.0)
 
 LEAK_RANGE: Final = (0.2, 5.0)
 """Plausible leakage time constants relative to nominal [1]: resistors of 10 Gohm are within a factor of five."""
+
+MAX_BENDING: Final = 0.03
+"""Largest plausible bending of a chip, and of its gradients [1], assumed: four times that of a poor mount."""
 
 PRESS_SHARE: Final = 0.01
 """Residuals of a press may be this share of its force [1]: they would change the gain by as much."""
@@ -161,6 +165,27 @@ def check_responses(
         raise FitError(
             f"offset of taxel {taxel}: drifts by {worst:.1f} times the bound ({OFFSET_CHANGE:.0%} of the force): "
             "let the board warm up, and keep its temperature"
+        )
+
+
+def check_bending(bending: BendingFit) -> None:
+    """Refuse a bending that no chip has.
+
+    Parameters
+    ----------
+    bending : BendingFit
+        The bending.
+
+    Raises
+    ------
+    FitError
+        It is out of range.
+    """
+    largest = float(bending.sizes[np.argmax(np.abs(bending.sizes))])
+    if abs(largest) > MAX_BENDING:
+        raise FitError(
+            f"bending: must be within +-{MAX_BENDING * 1e3:g} mN per newton on every taxel, got {largest * 1e3:.3g}: "
+            "let nothing but the ball touch the array, and compare the places that it presses with the recording"
         )
 
 

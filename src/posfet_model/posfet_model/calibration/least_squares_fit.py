@@ -11,11 +11,12 @@
    (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. A first fit
    has the signals of the four neighbours as a further source, from which the crosstalk follows, for which the signals
    are then compensated; the total force is a source, too, so that bending of the chip does not count as crosstalk.
-2. *Temperature.* What the untouched taxels have in common, with leakage compensated, is compared with the chip's
+2. *Bending* of the chip, from the charge that presses make on untouched taxels (`bending_fit`).
+3. *Temperature.* What the untouched taxels have in common, with leakage compensated, is compared with the chip's
    sensors (`temperature_fit`): lag of either sign, pyroelectric gains.
-3. *Long hold.* The common-mode signal is subtracted, and the sizes of slow poles (dielectric relaxation, viscoelastic
-   creep) and the temperature rise of touched taxels are fitted jointly with gain and leakage of all taxels.
-4. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
+4. *Long hold.* The common-mode signal and bending are subtracted, and the sizes of slow poles (dielectric relaxation,
+   viscoelastic creep) and the temperature rise of touched taxels are fitted jointly with the taxels' gain and leakage.
+5. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
 
 The film's hysteresis leaves residual charge when a force has gone, which a fit without it would attribute to leakage,
 drift or temperature. So the distance F - P of the force from a play operator P of half width r (the elementary
@@ -35,7 +36,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
-from posfet_model.calibration.fit_checks import check_ranges, check_responses, check_temperature
+from posfet_model.calibration.bending_fit import BendingFit, BendingSources, UntouchedTaxel, fit_bending
+from posfet_model.calibration.fit_checks import check_bending, check_ranges, check_responses, check_temperature
 from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass, play_distance
 from posfet_model.calibration.response_fit import (
     TOUCH_FORCES,
@@ -102,7 +104,7 @@ LEAD: Final = 0.3
 """A taxel is fitted from this long before a force on [s]."""
 
 ROUNDS: Final = 2
-"""Rounds of steps 2 and 3: the first knows no slow poles, which leave charge on taxels that are no longer touched."""
+"""Rounds of steps 2 to 4: the first knows no slow poles, which leave charge on taxels that are no longer touched."""
 
 MIN_UNTOUCHED: Final = 3
 """Fewest untouched taxels from which the common-mode signal is known."""
@@ -181,6 +183,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     found = presses
     data.offsets = np.array([np.median(presses.taxels[taxel].offsets) for taxel in range(data.taxels)])
     for index in range(ROUNDS):
+        bending = data.find_bending(found, dead)
         data.find_common_mode(found, dead)
         thermal = data.fit_temperature()
         shares = data.film_shares(found, dead)
@@ -193,8 +196,9 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     if thermal is not None:
         check_temperature(thermal, data.block_temperature)
     check_ranges(sensor, found, dead)
+    check_bending(bending)
     check_responses(data.segments, found, data.noise, data.hold)
-    return _calibration(sensor, data, found, thermal, shares, dead, date)
+    return _calibration(sensor, data, found, bending, thermal, shares, dead, date)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +250,9 @@ class _Data:
         """Offset of each taxel [N], of the last fit."""
         self.segments: list[Segment] = []
         """Segments of the last fit."""
+        self.bending = np.zeros(4)
+        """Bending of the chip [1], of the last fit."""
+        self._bending_sources = BendingSources(sensor.layout, self.time, self.force)
 
     def _during_hold(self, time: Array) -> Mask:
         """Return which times [s] are in the long hold or in its tail."""
@@ -331,7 +338,7 @@ class _Data:
     def find_common_mode(self, fitted: ResponseFit, dead: Mask) -> None:
         """Find what the untouched taxels have in common, as the mean of their changes with leakage compensated.
 
-        What an earlier touch still brings in by the slow poles is subtracted.
+        Bending, and what an earlier touch still brings in by the slow poles, are subtracted.
         """
         usable = ~self.near_force & ~dead
         enough = usable.sum(axis=1) >= MIN_UNTOUCHED
@@ -341,19 +348,49 @@ class _Data:
             found = fitted.taxels[int(taxel)]
             signal = self.signal[:, taxel] - self.offsets[taxel]
             change = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * step * found.rate
-            change -= np.diff(self.slow_charge(int(taxel), found.gain, fitted))
+            change -= np.diff(self.further_charge(int(taxel), found.gain, fitted))
             used = (usable[1:, taxel] & usable[:-1, taxel]) * 1.0
             changes += used * change
             weights += used
         changes = np.where(enough[1:], changes / np.maximum(weights, 1.0), 0.0)
         self.common = np.concatenate([[0.0], np.cumsum(changes)])
 
+    def find_bending(self, fitted: ResponseFit, dead: Mask) -> BendingFit:
+        """Find the bending of the chip from what untouched taxels show."""
+        untouched = block_means(self.near_force.astype(np.float64), self.size) == 0.0
+        pressed = block_means(self.force.sum(axis=1), self.size) > NO_FORCE
+        taxels = []
+        for taxel in np.flatnonzero(~dead).tolist():
+            found = fitted.taxels[taxel]
+            charge = _compensated(self.time, self.signal[:, taxel] - self.offsets[taxel], 1.0 / found.rate)
+            charge = (charge - self._slow_charge(taxel, found.gain, fitted)) / found.gain - self.force[:, taxel]
+            near = self.force[:, self._neighbours[taxel]].sum(axis=1)
+            taxels.append(
+                UntouchedTaxel(
+                    charge=block_means(charge, self.size),
+                    sources=block_means(self._bending_sources.of_all(taxel, near), self.size),
+                    used=untouched[:, taxel] & pressed,
+                    noise=self.noise[taxel] / found.gain,
+                )
+            )
+        bending = fit_bending(taxels)
+        self.bending = bending.sizes
+        return bending
+
     @property
     def block_temperature(self) -> Array:
         """Temperature of the chip's sensors relative to the start [K], shape [blocks]."""
         return block_means(self.temperature - self.temperature[0], self.size)
 
-    def slow_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
+    def further_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
+        """Return the charge of a taxel besides that of its force at once: slow charge, and that of bending [N]."""
+        return self._slow_charge(taxel, gain, fitted) + self._charge_of_bending(taxel, gain)
+
+    def _charge_of_bending(self, taxel: int, gain: float) -> Array:
+        charge: Array = gain * (self._bending_sources.of_bending(taxel) @ self.bending)
+        return charge
+
+    def _slow_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
         """Return the charge of a taxel that came in slowly, by relaxation and by the touch's temperature [N]."""
         sources = self._common_sources(taxel, self.shares[taxel] / gain)
         if sources is None or not len(fitted.common):
@@ -391,7 +428,7 @@ class _Data:
                 columns[:, 1] = 1.0
                 columns[:, 2 + index] = np.exp(-(time - time[0]) / tau)
                 rows.append(block_means(columns, self.size))
-                slow = high_pass(time, self.slow_charge(int(taxel), found.gain, fitted)[begin:end], tau)
+                slow = high_pass(time, self.further_charge(int(taxel), found.gain, fitted)[begin:end], tau)
                 values.append(block_means(self.signal[begin:end, taxel] - slow, self.size))
             if not rows:
                 continue
@@ -429,7 +466,7 @@ class _Data:
         self.warmth_time = least_of_parabola([times[index] for index in near], unlikely)
 
     def fit_all(self, before: ResponseFit, shares: _Shares, dead: Mask, with_crosstalk: bool) -> ResponseFit:
-        """Fit presses and long hold jointly, common-mode signal subtracted; the signals of the neighbours on demand."""
+        """Fit presses and long hold jointly, common mode and bending subtracted; the neighbours' signals on demand."""
         near_signal = self.near_signal if with_crosstalk else None
         start = dict(before.taxels)
         segments: list[Segment] = []
@@ -437,10 +474,12 @@ class _Data:
             response = before.taxels[taxel]
             intervals = self._intervals(taxel, with_hold=True)
             common_sources = self._common_sources(taxel, shares.share[taxel] / response.gain)
+            bending = self._charge_of_bending(taxel, response.gain)
             for begin, end in intervals:
                 time = self.time[begin:end]
-                common = high_pass(time, self.common[begin:end], 1.0 / response.rate)
-                signal = self.signal[begin:end, taxel] - shares.share[taxel] * common
+                both = np.stack([self.common, bending], axis=1)[begin:end]
+                common, bent = high_pass(time, both, 1.0 / response.rate).T
+                signal = self.signal[begin:end, taxel] - shares.share[taxel] * common - bent
                 part = self._segment(taxel, begin, end, signal, common=common_sources)
                 if near_signal is not None:
                     near = near_signal[begin:end, taxel] - len(self._neighbours[taxel]) * common
@@ -468,6 +507,7 @@ def _calibration(
     sensor: Sensor,
     data: _Data,
     found: ResponseFit,
+    bending: BendingFit,
     thermal: TemperatureFit | None,
     shares: _Shares,
     dead: Mask,
@@ -520,6 +560,8 @@ def _calibration(
         warmth_deviation=warmth_deviation,
         warmth_time_constant=data.warmth_time,
         warmth_weak_share=weak_share,
+        bending=bending.sizes,
+        bending_deviation=bending.deviations,
         temperature_sensor_lag=sensor_lag,
         temperature=float(data.temperature.mean()),
     )
@@ -610,7 +652,7 @@ def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares,
         each = found.taxels[taxel]
         force, signal = data.force[:, taxel], data.signal[:, taxel]
         source = each.gain * force + each.coefficients[1:] @ data.plays[:, :, taxel] + shares.share[taxel] * data.common
-        source = source + data.slow_charge(taxel, each.gain, found)
+        source = source + data.further_charge(taxel, each.gain, found)
         fitted = error(_compensated(data.time, signal, 1.0 / each.rate) - source) / each.gain
         nominal = error(_compensated(data.time, signal, nominal_tau) - force - data.common)
         after, before = after + fitted**2, before + nominal**2

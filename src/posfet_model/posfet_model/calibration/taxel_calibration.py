@@ -49,6 +49,9 @@ NOMINAL_WARMTH_DEVIATION: Final = 0.03
 NOMINAL_WARMTH_TIME_CONSTANT: Final = 0.5
 """Time constant of that temperature rise [s], assumed."""
 
+NOMINAL_BENDING_DEVIATION: Final = (3e-3, 1.5e-3, 1.5e-3, 1.5e-3)
+"""Standard deviations of the bending of the chip, uncalibrated, as in `Calibration.bending` [1], assumed."""
+
 UNCALIBRATED_ERROR: Final = 0.1
 """Error of the total force without a calibration [1]: docs/accuracy.md, ablation, 9 % of a press and of a hold, rounded
 up."""
@@ -119,6 +122,12 @@ class Calibration:
     """Time constant with which the film warms and cools [s]."""
     warmth_weak_share: float = 0.0
     """Share of `warmth` that a force well below the contact threshold causes, too [1]."""
+    bending: Array = field(default_factory=_none)
+    """Charge that bending of the chip makes on every taxel, as a force per total force; the same that its gradients in
+    x and y make at the edges of the array; and, per moment of the forces about the middle relative to half a side, as
+    the chip bends around the place that is pressed [1], shape [4]; empty: not in the file."""
+    bending_deviation: Array = field(default_factory=_none)
+    """Standard deviations of `bending` [1], as wide as without a calibration where the recording does not show it."""
     temperature_sensor_lag: float = 0.0
     """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
     `thermal_time_constant` minus this, which may be below 0."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Final
 
-from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION, Calibration
 
 
 class Shared(IntEnum):
@@ -60,6 +60,9 @@ class Shared(IntEnum):
 CREEPS: Final = 3
 """Number of slow responses of the film."""
 
+BENDS: Final = 4
+"""Number of the states of bending, from `Shared.BEND` on."""
+
 COUNT: Final = Shared.CREEP + CREEPS
 """Number of shared states."""
 
@@ -92,10 +95,14 @@ class ErrorPriors:
     """Scale of the temperature sensors [1]."""
     reading: float = 4e-3
     """A reading of the temperature sensors: rounding and noise [K]."""
-    bend: float = 3e-3
-    """Charge of bending, as a force per total force [1]."""
-    bend_gradient: float = 1.5e-3
-    """Its gradient over half the array [1]."""
+    bend_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    """Charge of bending as a force per total force, its gradients in x and y over half the array, and that of the
+    moment, expected [1], and"""
+    bend: tuple[float, ...] = NOMINAL_BENDING_DEVIATION
+    """their standard deviations [1]."""
+    bend_share: float = 0.25
+    """Share of the bending that a calibration found by which these grow, as the chip is mounted otherwise on its
+    calibration rig [1]."""
     leak: float = 0.1
     """Leak rates that all taxels have in common [1]."""
     leak_calibrated: float = 0.03
@@ -169,6 +176,13 @@ class ErrorPriors:
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
             found |= {"warmth_time": calibration.warmth_time_constant, "warmth_weak": calibration.warmth_weak_share}
             found["warmth_contact"] = self.warmth_contact_calibrated
+        if len(calibration.bending):
+            sizes, deviations = calibration.bending.tolist(), calibration.bending_deviation.tolist()
+            change = self.bend_share * max(map(abs, sizes))
+            found["bend_mean"] = tuple(sizes)
+            found["bend"] = tuple(
+                math.hypot(deviation, change, least) for deviation, least in zip(deviations, self.bend, strict=True)
+            )
         times = calibration.relaxation_time_constants[:CREEPS].tolist()
         if times:
             kept = len(times)

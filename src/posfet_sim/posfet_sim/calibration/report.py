@@ -134,6 +134,16 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     if not calibration.warmth_observed:
         warmth = "not observable: it needs a long hold, and a light touch beside strong ones"
     numbers.append(("temperature rise of a touched taxel", warmth))
+    sizes = [
+        f"{1e3 * size:.2f} +- {1e3 * doubt:.2f} mN/N {name}".rstrip()
+        for name, size, doubt in zip(
+            ("", "in x", "in y", "around the place that is pressed"),
+            calibration.bending,
+            calibration.bending_deviation,
+            strict=False,
+        )
+    ]
+    numbers.append(("bending of the chip", ", ".join(sizes) or "not in the file"))
     if calibration.residuals is not None:
         after, before = calibration.residuals.force_rms, calibration.residuals.force_rms_before
         numbers.append(("error on the hold-out set", f"{after * 1e3:.2f} mN RMS, {before * 1e3:.2f} mN uncalibrated"))

@@ -29,8 +29,8 @@ struct ErrorPriors {
   double lag_spread;
   double scale;
   double reading;
-  double bend;
-  double bend_gradient;
+  std::array<double, kBends> bend_mean;
+  std::array<double, kBends> bend;
   double leak;
   double tail;
   double tail_spread;

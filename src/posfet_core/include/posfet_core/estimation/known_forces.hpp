@@ -105,10 +105,12 @@ public:
 
   std::size_t taxels() const { return peak_.size(); }
 
-  /// Process a block: the taxels of each contact, mean forces [N], touched taxels, their variances [N2], and the
-  /// standard deviation of a mean [N]. The taxels of released contacts are marked; returns whether there are any.
-  bool update(const Vector<const Taxels*>& contacts, const double* mean, const bool* touched, const double* variance,
-              double noise, bool* released);
+  /// Process a block: the taxels of each contact, mean forces [N], the same with the charge of bending, which moves as
+  /// the forces do: as the bending becomes known, it would hide that they move [N]; touched taxels, the variances of
+  /// the forces [N2], and the standard deviation of a mean [N]. The taxels of released contacts are marked; returns
+  /// whether there are any.
+  bool update(const Vector<const Taxels*>& contacts, const double* mean, const double* course, const bool* touched,
+              const double* variance, double noise, bool* released);
 
   /// Whether nothing touches a taxel that was touched, and is in no contact: its force has hardly changed in the last
   /// blocks, against the standard deviation of a mean [N] and its recent peak, or the `mean` of the block that comes
@@ -119,11 +121,12 @@ public:
   void restart() { seen_ = 0; }
 
 private:
-  bool looks_released(const Taxels& contact, const double* mean, const double* variance, double noise) const;
+  bool looks_released(const Taxels& contact, const double* mean, const double* course, const double* variance,
+                      double noise) const;
 
   std::vector<double> peak_;                ///< Recent peak force of each taxel [N].
   std::vector<double> object_;              ///< Recent peak of the total force of the contact that it was in [N].
-  std::vector<std::vector<double>> means_;  ///< Means of the last blocks, in turn.
+  std::vector<std::vector<double>> means_;  ///< Means of the last blocks with the charge of bending, in turn [N].
   std::size_t seen_ = 0;                    ///< Number of blocks.
   std::vector<int> blocks_;                 ///< Number of blocks for which the contact of a taxel has looked released.
 };

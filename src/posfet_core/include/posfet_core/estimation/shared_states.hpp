@@ -24,6 +24,7 @@ constexpr std::size_t kBendX = 7;  ///< Its gradient: difference between the mid
 constexpr std::size_t kBendY = 8;  ///< The same in y [1].
 constexpr std::size_t kBendMoment = 9;  ///< The same as a force away from the middle causes it: a chip bends around the
                                         ///< place that is pressed [1].
+constexpr std::size_t kBends = 4;       ///< Number of the states of bending, from kBend on.
 constexpr std::size_t kLeak = 10;       ///< Relative error of the leak rates that all taxels have in common [1].
 constexpr std::size_t kWarmth = 11;     ///< Temperature of the film of a touched taxel above the others [K].
 constexpr std::size_t kWeakWarmth = 12;  ///< The same beyond what is expected where the force is weak [K].
