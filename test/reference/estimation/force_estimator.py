@@ -824,7 +824,8 @@ class ForceEstimator:
             measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
             response = np.where(beside[:, None], response * ~OF_TOUCH, response)
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-            noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
+            changed = self._warmth_variance() + CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2
+            noise += np.where(beside, changed, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
