@@ -133,6 +133,7 @@ class Bench:
         self.wait(flowed)
 
     def close(self) -> None:
+        self.executor.shutdown()
         for node in (self.driver, self.model, self.watcher):
             node.destroy_node()
         if self.context.ok():

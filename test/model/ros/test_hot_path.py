@@ -103,6 +103,8 @@ def test_a_scan_publishes_only_subscribed_topics(listening: bool) -> None:
         ModelNode(context=context, parameter_overrides=[Parameter("direct", value=True)]),
         Node("peer", context=context),
     )
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(peer)
     node.start()
     node.add_maps()
     try:
@@ -114,13 +116,14 @@ def test_a_scan_publishes_only_subscribed_topics(listening: bool) -> None:
             end = time.monotonic() + DEADLINE
             while contacts_publisher(node).get_subscription_count() == 0:
                 assert time.monotonic() < end, "not discovered in time"
-                rclpy.spin_once(peer, executor=SingleThreadedExecutor(context=context), timeout_sec=0.05)
+                executor.spin_once(timeout_sec=0.05)
         scan = Scan.empty(1, 25)
         for index, counts in enumerate(played(touched=True, count=100)):
             set_scan(scan, index, counts)
             node.process(scan)
         assert published == ({"contacts": 100} if listening else {})
     finally:
+        executor.shutdown()
         peer.destroy_node()
         node.destroy_node()
         rclpy.shutdown(context=context)
