@@ -156,15 +156,17 @@ void ForceEstimator::set_covariance(const Block& block) {
 /// Whether the forces are valid at the end of a block.
 bool ForceEstimator::is_valid() {
   bool sound = true;
-  bool any_touched = false;
+  bool may_touch = std::abs(doubt_) > negligible_;
   double touching = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const bool fit = offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
     chosen_[taxel] = !ignored()[taxel] || informative_[taxel];
-    any_touched = any_touched || (touched_[taxel] && chosen_[taxel]);
-    touching += touched_[taxel] && chosen_[taxel] ? force()[taxel] : 0.0;
+    if (touched_[taxel] && chosen_[taxel]) {
+      may_touch = true;
+      touching += force()[taxel];
+    }
   }
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
@@ -172,7 +174,6 @@ bool ForceEstimator::is_valid() {
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
   }
-  const bool may_touch = any_touched || std::abs(doubt_) > negligible_;
   return !may_touch || is_certain(chosen_);
 }
 
