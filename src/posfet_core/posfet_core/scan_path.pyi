@@ -683,9 +683,17 @@ class SharedMeasurement:
     @property
     def variance(self) -> float: ...
 
-def steady_force(
-    time: ArrayLike, force: ArrayLike, charge: ArrayLike, response: ArrayLike, warmed: float, noise: float
-) -> SharedMeasurement | None: ...
+class SteadyForce:
+    def __init__(self) -> None: ...
+    def observe(
+        self,
+        time: ArrayLike,
+        force: ArrayLike,
+        charge: ArrayLike,
+        response: ArrayLike,
+        warmed: float,
+        noise: float,
+    ) -> SharedMeasurement | None: ...
 
 STEP_HALF: Final[int]
 

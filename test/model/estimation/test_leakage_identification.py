@@ -57,6 +57,17 @@ def test_a_varying_force_is_not_mistaken_for_leakage(hertz: float) -> None:
     assert np.abs(found - true)[400:].max() < 0.06
 
 
+@pytest.mark.parametrize(("percent", "hertz"), [(0.3, 1.2), (1.0, 0.6)])
+@pytest.mark.parametrize("phase", [0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi])
+def test_a_tremor_is_not_mistaken_for_leakage(percent: float, hertz: float, phase: float) -> None:
+    def force(time: float) -> float:
+        return press(2.0, 0.3, 60.0)(time) * (1.0 + 0.01 * percent * math.sin(2 * math.pi * hertz * time + phase))
+
+    found = totals(SENSOR, 3.0, force)
+    true = np.array([force(index * 1e-3) for index in range(3000)])
+    assert np.abs(found - true)[500:].max() < 0.05
+
+
 def test_the_reported_uncertainty_covers_a_leakage_error_not_identified_yet() -> None:
     device = perturbed(SENSOR, {"leak": 15.0})
     reconstructor, outside = Reconstructor(SENSOR), 0

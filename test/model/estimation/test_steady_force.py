@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import HOP, STEADINESS, SharedMeasurement, steady_force
+from posfet_core.scan_path import HOP, STEADINESS, SharedMeasurement, SteadyForce
 from posfet_model.estimation.error_states import COUNT, Shared
 
 BLOCK = 0.02
@@ -30,6 +30,7 @@ def observed(
     course: NDArray[np.float64] | float = 1.0,
     begun: float = 0.1,
     warmed: float = 0.0,
+    steady: SteadyForce | None = None,
 ) -> SharedMeasurement | None:
     """Return what a window tells that begins at a time after a touch [s], integrated with an assumed time constant."""
     shares = np.multiply.outer(np.ones(len(TIME)), SHARES) * (
@@ -42,7 +43,7 @@ def observed(
     noise = np.sqrt(NOISE / len(SHARES)) * rng.standard_normal(force.shape)
     response = np.zeros((len(TIME), COUNT))
     response[:, Shared.LEAK] = -charge.sum(axis=1)
-    return steady_force(TIME, force + noise, charge + noise, response, warmed, NOISE)
+    return (steady or SteadyForce()).observe(TIME, force + noise, charge + noise, response, warmed, NOISE)
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.95, 1.0, 1.1, 1.25])
@@ -60,7 +61,7 @@ def test_other_responses_count_as_far_as_their_course_is_that_of_the_charge() ->
     response = np.zeros((len(TIME), COUNT))
     response[:, Shared.WARMTH] = 3.0 * charge + 2.0 * TIME + 1.0
     response[:, Shared.BEND] = 1.0
-    found = steady_force(TIME, np.ones((len(TIME), 1)), charge[:, None], response, 0.0, 1e-12)
+    found = SteadyForce().observe(TIME, np.ones((len(TIME), 1)), charge[:, None], response, 0.0, 1e-12)
     assert found is not None
     assert found.sensitivity[Shared.WARMTH] == pytest.approx(3.0, rel=1e-3)
     assert found.sensitivity[Shared.BEND] == pytest.approx(0.0, abs=1e-9)
@@ -74,6 +75,17 @@ def test_a_charge_that_has_leaked_away_shows_nothing() -> None:
 def test_a_slow_ramp_is_steady_and_a_fast_one_is_not(percent: float, steady: bool) -> None:
     found = observed(0.27, 0.3, 1.0 + percent / 100.0 * TIME / TIME[-1])
     assert (found is not None) is steady
+
+
+@pytest.mark.parametrize("hertz", [0.3, 0.6, 1.2])
+def test_what_a_tremor_makes_of_it_is_covered(hertz: float) -> None:
+    for phase in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        steady = SteadyForce()
+        for window in range(12):
+            begun = 0.05 + window * HOP * BLOCK
+            tremor = 0.003 * np.sin(2.0 * np.pi * hertz * (TIME + begun) + phase)
+            found = observed(0.27, 0.27, 1.0 + tremor, begun=begun, steady=steady)
+            assert found is None or abs(found.innovation) <= 2.0 * np.sqrt(found.variance)
 
 
 @pytest.mark.parametrize("hertz", [2.0, 5.0, 10.0])

@@ -42,7 +42,7 @@ from reference.estimation.known_forces import (
 )
 from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
-from reference.estimation.steady_force import HOP, steady_force
+from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
@@ -266,7 +266,7 @@ class ForceEstimator:
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
         self._jumps = JumpNoise(self._tau)
-        self._walk = TemperatureWalk(p.film_walk, self._film_lag)
+        self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
@@ -628,7 +628,7 @@ class ForceEstimator:
         response[:, :, Shared.LEAK] = -charge  # as it is, whatever its time constant
         force = np.array([block.mean[held] for block in blocks]) - self.belief.error[held, 0] - response @ belief.shared
         response[:, :, Shared.FILM] = 0.0  # the only one of these states that is not constant
-        found = steady_force(
+        found = self._steady_force.observe(
             time,
             force,
             charge,

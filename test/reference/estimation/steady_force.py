@@ -38,6 +38,12 @@ LARGEST_CHANGE: Final = 0.015
 INFORMATIVE: Final = 0.03
 """Standard deviation of b above which a window is not informative [1]."""
 
+TREMOR: Final = 0.2
+"""Part of the change of a force within a window that looks like a decay of the charge in another one [1]."""
+
+UNSTEADY_WINDOWS: Final = 12.0
+"""Windows in which a force that was less steady is forgotten [1]: about a second."""
+
 STEADINESS: Final = 0.02
 """Error of b as a force is never quite steady: standard deviation [1], assumed."""
 
@@ -54,50 +60,62 @@ class SharedMeasurement:
     """Variance of the noise."""
 
 
-def steady_force(
-    time: Array, force: Array, charge: Array, response: Array, warmed: float, noise: float
-) -> SharedMeasurement | None:
-    """Return what the touched taxels together tell in a window of blocks; None: nothing, or their force is not steady.
+class SteadyForce:
+    """Finds what forces that are held tell, and how steady they have been."""
 
-    Parameters
-    ----------
-    time : ndarray of float64, shape [blocks]
-        Times of the blocks [s].
-    force : ndarray of float64, shape [blocks, taxels]
-        Estimated forces, with the present shared states [N].
-    charge : ndarray of float64, shape [blocks, taxels]
-        Charges that are left, as forces, up to a constant [N].
-    response : ndarray of float64, shape [blocks, shared]
-        Response of the error of their sum to the shared states; zero for states that are not constant.
-    warmed : float
-        By how much the film's temperature may have changed that sum within the window [N].
-    noise : float
-        Variance of the noise of each sum of forces and of charges, which is the same noise [N2].
-    """
-    points, total = len(time), float(force.sum()) / len(time)
-    if warmed > LARGEST_CHANGE * total:
-        return None
-    before = time - time.mean()
-    rate = before / (before @ before)
+    def __init__(self) -> None:
+        """Start with a force that has been steady."""
+        self._unsteadiness = 0.0
 
-    def detrended(values: Array) -> Array:
-        left: Array = values - values.mean(axis=0)
-        left -= np.multiply.outer(before, rate @ left)
-        return left
+    def observe(
+        self, time: Array, force: Array, charge: Array, response: Array, warmed: float, noise: float
+    ) -> SharedMeasurement | None:
+        """Return what the touched taxels together tell in a window; None: nothing, or their force is not steady.
 
-    decay = detrended(charge.sum(axis=1))
-    square = float(decay @ decay) - (points - 2) * noise
-    if square * INFORMATIVE**2 <= noise:
-        return None
-    course = detrended(force.sum(axis=1))
-    slope = (float(decay @ course) - (points - 2) * noise) / square
-    residual = float(np.square(course - slope * decay).sum()) / (points - 3)
-    # Also of each taxel: an object that slides keeps its force, but not the forces of the taxels.
-    moved = float(np.abs(rate @ (force - slope * charge)).sum()) * float(time[-1] - time[0])
-    if residual > MISFIT * noise * (1.0 - slope) ** 2 + MODEL_ERROR**2 / points * square:
-        return None
-    if moved > LARGEST_CHANGE * total:
-        return None
-    sensitivity = decay @ detrended(response) / square
-    # Windows overlap: each counts for its new blocks only.
-    return SharedMeasurement(slope, sensitivity, points / HOP * (noise / square + STEADINESS**2))
+        Parameters
+        ----------
+        time : ndarray of float64, shape [blocks]
+            Times of the blocks [s].
+        force : ndarray of float64, shape [blocks, taxels]
+            Estimated forces, with the present shared states [N].
+        charge : ndarray of float64, shape [blocks, taxels]
+            Charges that are left, as forces, up to a constant [N].
+        response : ndarray of float64, shape [blocks, shared]
+            Response of the error of their sum to the shared states; zero for states that are not constant.
+        warmed : float
+            By how much the film's temperature may have changed that sum within the window [N].
+        noise : float
+            Variance of the noise of each sum of forces and of charges, which is the same noise [N2].
+        """
+        points, total = len(time), float(force.sum()) / len(time)
+        if warmed > LARGEST_CHANGE * total:
+            return None
+        before = time - time.mean()
+        rate = before / (before @ before)
+
+        def detrended(values: Array) -> Array:
+            left: Array = values - values.mean(axis=0)
+            left -= np.multiply.outer(before, rate @ left)
+            return left
+
+        decay = detrended(charge.sum(axis=1))
+        square = float(decay @ decay) - (points - 2) * noise
+        if square * INFORMATIVE**2 <= noise:
+            return None
+        course = detrended(force.sum(axis=1))
+        slope = (float(decay @ course) - (points - 2) * noise) / square
+        residual = float(np.square(course - slope * decay).sum()) / (points - 3)
+        # Also of each taxel: an object that slides keeps its force, but not the forces of the taxels.
+        motion = rate @ (force - slope * charge) * float(time[-1] - time[0])
+        moved = float(np.abs(motion).sum())
+        if residual > MISFIT * noise * (1.0 - slope) ** 2 + MODEL_ERROR**2 / points * square:
+            return None
+        if moved > LARGEST_CHANGE * total:
+            return None
+        sensitivity = decay @ detrended(response) / square
+        # A tremor changes the force in one window, and bends its course in the next one.
+        self._unsteadiness = max(self._unsteadiness * (1.0 - 1.0 / UNSTEADY_WINDOWS), abs(float(motion.sum())) / total)
+        bent = TREMOR * self._unsteadiness * total
+        # Windows overlap: each counts for its new blocks only.
+        variance = STEADINESS**2 + (noise + points * bent**2) / square
+        return SharedMeasurement(slope, sensitivity, points / HOP * variance)

@@ -277,7 +277,7 @@ void ForceEstimator::observe_steady_force() {
     noise += blocks_.newest().noise[static_cast<std::size_t>(each)];
   }
   const double changed = std::sqrt(b.variance(kRate)) * (window.time.back() - window.time.front());
-  const auto found = steady_force(window, std::abs(response) * (warmest - coldest + changed), noise);
+  const auto found = steady_force_.observe(window, std::abs(response) * (warmest - coldest + changed), noise);
   if (!found) {
     return;
   }

@@ -421,39 +421,43 @@ Vector<Vector<double>> columns_of(const Values& matrix) {
   return columns;
 }
 
-void bind_steady_force(py::module_& module) {
+void bind_steady_force(const py::module_& module) {
   py::class_<SharedMeasurement>(module, "SharedMeasurement", "A measurement of the shared states.")
       .def_readonly("innovation", &SharedMeasurement::innovation, "Measured less expected value.")
       .def_property_readonly(
           "sensitivity", [](const SharedMeasurement& measured) { return array_of(measured.sensitivity); },
           "Sensitivity to the shared states, [states].")
       .def_readonly("variance", &SharedMeasurement::variance, "Variance of the noise.");
-  module.def(
-      "steady_force",
-      [](const Values& time, const Values& force, const Values& charge, const Values& response, double warmed,
-         double noise) {
-        const py::ssize_t blocks = time.size();
-        for (const Values& values : {force, charge, response}) {
-          if (values.ndim() != 2 || values.shape(0) != blocks || blocks < 4) {
-            throw std::invalid_argument("force, charge and response must have a row for each block, at least four");
-          }
-        }
-        if (charge.shape(1) != force.shape(1)) {
-          throw std::invalid_argument("force and charge must be of the same taxels");
-        }
-        const auto taxels = static_cast<std::size_t>(force.shape(1));
-        SteadyWindow window({time.data(), time.data() + blocks}, taxels);
-        for (py::ssize_t block = 0; block < blocks; ++block) {
-          for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
-            const auto column = static_cast<py::ssize_t>(taxel);
-            window.add(static_cast<std::size_t>(block), taxel, *force.data(block, column), *charge.data(block, column));
-          }
-        }
-        window.response = columns_of(response);
-        return steady_force(window, warmed, noise);
-      },
-      py::arg("time"), py::arg("force"), py::arg("charge"), py::arg("response"), py::arg("warmed"), py::arg("noise"),
-      "Return what the touched taxels together tell of the shared states in a window of blocks; None: nothing.");
+  py::class_<SteadyForce>(module, "SteadyForce", "Finds what forces that are held tell, and how steady they have been.")
+      .def(py::init<>())
+      .def(
+          "observe",
+          [](SteadyForce& self, const Values& time, const Values& force, const Values& charge, const Values& response,
+             double warmed, double noise) {
+            const py::ssize_t blocks = time.size();
+            for (const Values& values : {force, charge, response}) {
+              if (values.ndim() != 2 || values.shape(0) != blocks || blocks < 4) {
+                throw std::invalid_argument("force, charge and response must have a row for each block, at least four");
+              }
+            }
+            if (charge.shape(1) != force.shape(1)) {
+              throw std::invalid_argument("force and charge must be of the same taxels");
+            }
+            const auto taxels = static_cast<std::size_t>(force.shape(1));
+            SteadyWindow window({time.data(), time.data() + blocks}, taxels);
+            for (py::ssize_t block = 0; block < blocks; ++block) {
+              for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
+                const auto column = static_cast<py::ssize_t>(taxel);
+                window.add(static_cast<std::size_t>(block), taxel, *force.data(block, column),
+                           *charge.data(block, column));
+              }
+            }
+            window.response = columns_of(response);
+            return self.observe(window, warmed, noise);
+          },
+          py::arg("time"), py::arg("force"), py::arg("charge"), py::arg("response"), py::arg("warmed"),
+          py::arg("noise"),
+          "Return what the touched taxels together tell of the shared states in a window of blocks; None: nothing.");
   module.attr("HOP") = kHop;
   module.attr("STEADINESS") = kSteadiness;
 }

@@ -7,7 +7,9 @@
 
 #include "posfet_core/estimation/steady_force.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "posfet_core/estimation/shared_states.hpp"
@@ -26,6 +28,13 @@ constexpr double kModelError = 2e-3;
 
 /// Relative change of a steady force in a window [1]: a larger one may be nonlinear, too.
 constexpr double kLargestChange = 0.015;
+
+/// Part of the change of a force within a window that looks like a decay of the charge in another one [1]: less for a
+/// tremor of 1.2 Hz, and for any slower one.
+constexpr double kTremor = 0.2;
+
+/// Windows in which a force that was less steady is forgotten [1]: about a second.
+constexpr double kUnsteadyWindows = 12.0;
 
 /// Standard deviation of b above which a window is not informative [1].
 constexpr double kInformative = 0.03;
@@ -51,13 +60,13 @@ Vector<double> without_trend(Vector<double> values, const Vector<double>& weight
   return values;
 }
 
-/// Change of each taxel's force but for what the charge explains, all together, per time [N/s].
-double motion(const SteadyWindow& window, double slope) {
-  double total = 0.0;
+/// Change of each taxel's force but for what the charge explains, per time [N/s].
+Vector<double> motion(const SteadyWindow& window, double slope) {
+  Vector<double> rate;
   for (std::size_t taxel = 0; taxel < window.force_rate.size(); ++taxel) {
-    total += std::abs(window.force_rate[taxel] - slope * window.charge_rate[taxel]);
+    rate.push_back(window.force_rate[taxel] - slope * window.charge_rate[taxel]);
   }
-  return total;
+  return rate;
 }
 
 }  // namespace
@@ -84,7 +93,7 @@ void SteadyWindow::add(std::size_t block, std::size_t taxel, double its_force, d
   charge_rate[taxel] += weights[block] * its_charge;
 }
 
-std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double warmed, double noise) {
+std::optional<SharedMeasurement> SteadyForce::observe(const SteadyWindow& window, double warmed, double noise) {
   const auto points = static_cast<double>(window.time.size());
   const double total = sum(window.force) / points;
   if (warmed > kLargestChange * total) {
@@ -104,13 +113,21 @@ std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double
   }
   residual /= points - 3.0;
   // Also of each taxel: an object that slides keeps its force, but not the forces of the taxels.
-  const double moved = motion(window, slope) * (window.time.back() - window.time.front());
+  const double duration = window.time.back() - window.time.front();
+  const Vector<double> rate = motion(window, slope);
+  const double moved = duration * std::accumulate(rate.begin(), rate.end(), 0.0,
+                                                  [](double all, double each) { return all + std::abs(each); });
   const double expected = kMisfit * noise * (1.0 - slope) * (1.0 - slope);
   if (residual > expected + kModelError * kModelError / points * square || moved > kLargestChange * total) {
     return std::nullopt;
   }
+  // A tremor changes the force in one window, and bends its course in the next one.
+  unsteadiness_ *= 1.0 - 1.0 / kUnsteadyWindows;
+  unsteadiness_ = std::max(unsteadiness_, std::abs(sum(rate)) * duration / total);
+  const double bent = kTremor * unsteadiness_ * total;
   // Windows overlap: each counts for its new blocks only.
-  SharedMeasurement found{slope, {}, points / kHop * (noise / square + kSteadiness * kSteadiness)};
+  const double variance = kSteadiness * kSteadiness + (noise + points * bent * bent) / square;
+  SharedMeasurement found{slope, {}, points / kHop * variance};
   for (const Vector<double>& response : window.response) {
     found.sensitivity.push_back(product(decay, without_trend(response, window.weights)) / square);
   }

@@ -236,6 +236,7 @@ private:
   ReleaseDetector release_;
   JumpNoise jumps_;
   TemperatureWalk walk_;
+  SteadyForce steady_force_;
   RestDetector rest_;
   NegativeForceMonitor negative_;
   LowerBoundMonitor lower_bound_;

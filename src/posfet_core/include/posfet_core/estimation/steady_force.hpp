@@ -24,7 +24,7 @@ namespace posfet {
 /// Blocks from one window to the next, which has most of its blocks in common with it.
 constexpr int kHop = 4;
 
-/// Error of b as a force is never quite steady: standard deviation [1], assumed.
+/// Error of b as a force is never quite steady, whatever it seems: standard deviation [1], assumed.
 constexpr double kSteadiness = 0.02;
 
 /// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
@@ -52,9 +52,16 @@ struct SteadyWindow {
                                     ///< [states][blocks]; zero for states that are not constant.
 };
 
-/// Find what the touched taxels together tell in a window: none where that is nothing, or their force is not steady.
-/// `warmed`: by how much the film's temperature may have changed their sum within the window [N]; `noise`: variance of
-/// the noise of each sum of forces and of charges, which is the same noise [N2].
-std::optional<SharedMeasurement> steady_force(const SteadyWindow& window, double warmed, double noise);
+/// Finds what forces that are held tell, and how steady they have been.
+class SteadyForce {
+public:
+  /// Find what the touched taxels together tell in a window: none where that is nothing, or their force is not steady.
+  /// `warmed`: by how much the film's temperature may have changed their sum within the window [N]; `noise`: variance
+  /// of the noise of each sum of forces and of charges, which is the same noise [N2].
+  std::optional<SharedMeasurement> observe(const SteadyWindow& window, double warmed, double noise);
+
+private:
+  double unsteadiness_ = 0.0;  ///< Greatest change of the force in a window, for a while, as a share of the force [1].
+};
 
 }  // namespace posfet
