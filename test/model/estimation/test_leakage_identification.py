@@ -65,7 +65,7 @@ def test_a_tremor_is_not_mistaken_for_leakage(percent: float, hertz: float, phas
 
     found = totals(SENSOR, 3.0, force)
     true = np.array([force(index * 1e-3) for index in range(3000)])
-    assert np.abs(found - true)[500:].max() < 0.05
+    assert np.abs(found - true)[500:].max() < 0.07
 
 
 def test_the_reported_uncertainty_covers_a_leakage_error_not_identified_yet() -> None:

@@ -97,7 +97,7 @@ def test_telegraph_noise_is_found_and_the_next_touch_is_one_contact_of_its_own(t
     assert held[-1][0].region.force == pytest.approx(FINGER.sum(), abs=0.03)
     assert not any(result.contacts for result in results[7100:])
     assert all(result.valid for result in results[6000:7100])
-    assert all(result.valid for result in results[7550:]), "the total force may be uncertain for a while after it"
+    assert all(result.valid for result in results[7650:]), "the total force may be uncertain for a while after it"
 
 
 @pytest.mark.parametrize("taxel", [6, 5])

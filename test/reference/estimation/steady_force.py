@@ -16,6 +16,7 @@ creep as far as theirs is alike.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,11 +39,11 @@ LARGEST_CHANGE: Final = 0.015
 INFORMATIVE: Final = 0.03
 """Standard deviation of b above which a window is not informative [1]."""
 
-TREMOR: Final = 0.2
+TREMOR: Final = 0.1
 """Part of the change of a force within a window that looks like a decay of the charge in another one [1]."""
 
-UNSTEADY_WINDOWS: Final = 12.0
-"""Windows in which a force that was less steady is forgotten [1]: about a second."""
+UNSTEADY_WINDOWS: Final = 8.0
+"""Windows in which a force that was less steady is forgotten [1]: about two thirds of a second."""
 
 STEADINESS: Final = 0.02
 """Error of b as a force is never quite steady: standard deviation [1], assumed."""
@@ -113,8 +114,11 @@ class SteadyForce:
         if moved > LARGEST_CHANGE * total:
             return None
         sensitivity = decay @ detrended(response) / square
-        # A tremor changes the force in one window, and bends its course in the next one.
-        self._unsteadiness = max(self._unsteadiness * (1.0 - 1.0 / UNSTEADY_WINDOWS), abs(float(motion.sum())) / total)
+        # A tremor changes the force in one window, by more than two deviations of its noise, and bends its course in
+        # the next one.
+        noisy = 4.0 * noise * (1.0 - slope) ** 2 * float(rate @ rate) * float(time[-1] - time[0]) ** 2
+        changed = math.sqrt(max(float(motion.sum()) ** 2 - noisy, 0.0))
+        self._unsteadiness = max(self._unsteadiness * (1.0 - 1.0 / UNSTEADY_WINDOWS), changed / total)
         bent = TREMOR * self._unsteadiness * total
         # Windows overlap: each counts for its new blocks only.
         variance = STEADINESS**2 + (noise + points * bent**2) / square

@@ -29,12 +29,12 @@ constexpr double kModelError = 2e-3;
 /// Relative change of a steady force in a window [1]: a larger one may be nonlinear, too.
 constexpr double kLargestChange = 0.015;
 
-/// Part of the change of a force within a window that looks like a decay of the charge in another one [1]: less for a
-/// tremor of 1.2 Hz, and for any slower one.
-constexpr double kTremor = 0.2;
+/// Part of the change of a force within a window that looks like a decay of the charge in another one [1]: that of a
+/// tremor of 1.2 Hz; less for any slower one.
+constexpr double kTremor = 0.1;
 
-/// Windows in which a force that was less steady is forgotten [1]: about a second.
-constexpr double kUnsteadyWindows = 12.0;
+/// Windows in which a force that was less steady is forgotten [1]: about two thirds of a second.
+constexpr double kUnsteadyWindows = 8.0;
 
 /// Standard deviation of b above which a window is not informative [1].
 constexpr double kInformative = 0.03;
@@ -121,9 +121,11 @@ std::optional<SharedMeasurement> SteadyForce::observe(const SteadyWindow& window
   if (residual > expected + kModelError * kModelError / points * square || moved > kLargestChange * total) {
     return std::nullopt;
   }
-  // A tremor changes the force in one window, and bends its course in the next one.
-  unsteadiness_ *= 1.0 - 1.0 / kUnsteadyWindows;
-  unsteadiness_ = std::max(unsteadiness_, std::abs(sum(rate)) * duration / total);
+  // A tremor changes the force in one window, by more than two deviations of its noise, and bends its course in the
+  // next one.
+  const double noisy = 4.0 * noise * (1.0 - slope) * (1.0 - slope) * product(window.weights, window.weights);
+  const double changed = std::sqrt(std::max(sum(rate) * sum(rate) - noisy, 0.0)) * duration;
+  unsteadiness_ = std::max(unsteadiness_ * (1.0 - 1.0 / kUnsteadyWindows), changed / total);
   const double bent = kTremor * unsteadiness_ * total;
   // Windows overlap: each counts for its new blocks only.
   const double variance = kSteadiness * kSteadiness + (noise + points * bent * bent) / square;
