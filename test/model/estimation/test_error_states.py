@@ -212,8 +212,8 @@ def test_bending_that_a_calibration_found_is_expected_and_may_have_changed() -> 
     bends = slice(Shared.BEND, Shared.BEND + BENDS)
     np.testing.assert_array_equal(start_mean(known)[bends], sizes)
     assert list(Shared)[bends] == [Shared.BEND, Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]
-    # A chip is mounted otherwise on its calibration rig: no less uncertain than without, and by a share of the largest.
-    expected = np.sqrt(np.square(priors.bend) + (priors.bend_share * 8e-3) ** 2 + 1e-10)
+    # A chip is mounted otherwise on its calibration rig.
+    expected = np.sqrt(np.square(priors.bend_mounted) + (priors.bend_share * 8e-3) ** 2 + 1e-10)
     np.testing.assert_allclose(np.sqrt(np.diag(start_covariance(known))[bends]), expected, rtol=1e-12)
     assert known.bend[0] < 0.5 * sizes[0]
 

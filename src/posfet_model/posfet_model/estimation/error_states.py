@@ -100,16 +100,17 @@ class ErrorPriors:
     moment, expected [1], and"""
     bend: tuple[float, ...] = NOMINAL_BENDING_DEVIATION
     """their standard deviations [1]."""
+    bend_mounted: tuple[float, ...] = (1e-3, 0.5e-3, 0.5e-3, 0.5e-3)
+    """The least of them with calibration [1], as the chip is mounted otherwise on its calibration rig, and"""
     bend_share: float = 0.25
-    """Share of the bending that a calibration found by which these grow, as the chip is mounted otherwise on its
-    calibration rig [1]."""
+    """share of the bending that a calibration found by which they grow [1]."""
     leak: float = 0.1
     """Leak rates that all taxels have in common [1]."""
     leak_calibrated: float = 0.03
     """The same with calibration: the effect of temperature and ageing [1]."""
     tail: float = 0.1
     """Force of a taxel beside a contact, relative to that of a geometric decline, expected under a fingertip [1]."""
-    tail_spread: float = 0.08
+    tail_spread: float = 0.2
     """Standard deviation of what these forces have in common [1]: beside a pad they do not decline geometrically."""
     tail_least: float = 0.005
     """The same as a share of its neighbours' force [1]."""
@@ -181,7 +182,8 @@ class ErrorPriors:
             change = self.bend_share * max(map(abs, sizes))
             found["bend_mean"] = tuple(sizes)
             found["bend"] = tuple(
-                math.hypot(deviation, change, least) for deviation, least in zip(deviations, self.bend, strict=True)
+                math.hypot(deviation, change, least)
+                for deviation, least in zip(deviations, self.bend_mounted, strict=True)
             )
         times = calibration.relaxation_time_constants[:CREEPS].tolist()
         if times:
