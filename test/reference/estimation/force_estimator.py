@@ -1070,7 +1070,8 @@ class ForceEstimator:
             return False
         if self._recovering > 0.0 or not sound.all():
             return False
-        if not any_touched and abs(self._doubt) <= self._negligible:
+        warmed = float(np.abs(self._per_kelvin * self.belief.shared[Shared.WARMTH] * self._touch.warm).sum())
+        if not any_touched and abs(self._doubt) <= self._negligible and warmed <= LEAST_DEVIATION * self._threshold:
             return True
         warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
         if abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH:

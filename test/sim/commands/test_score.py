@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from unittest.mock import Mock
@@ -23,12 +24,13 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import record
 from posfet_sim.commands.score import Run, main, perturbed, run
+from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import MODERATE, ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.evaluation.slip_scorer import SlipScorer
 from posfet_sim.loads import Loads
-from posfet_sim.scene import load_scene
+from posfet_sim.scene import Keyframes, SceneObject, load_scene
 
 SENSOR = load_sensor()
 SCENE = load_scene("press_slide_lift", SENSOR)
@@ -190,6 +192,19 @@ def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_ca
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 1.5
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
     assert score.misleading_pct == 0.0
+
+
+def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid() -> None:
+    """By 0.1 K: as much as 0.1 N on a taxel. Its warmth may hide that it is still there."""
+    keys = ((1.0, 0.0), (1.1, 3.0), (2.5, 3.0), (2.6, 0.0), (3.5, 0.0), (3.6, 0.1), (4.7, 0.1), (4.8, 0.0))
+    course = Keyframes(tuple(time for time, _ in keys), tuple((0.2e-3, 0.0, 0.0, force) for _, force in keys))
+    scene = replace(SCENE, period=math.inf, objects=(SceneObject("fingertip", Sphere(5e-3, 2e6), course),))
+    ideal = ErrorModel.none()
+    film = replace(ideal.film, contact_warmth=0.1)
+    errors = replace(ideal, film=film, thermal_noise=ErrorModel.default().thermal_noise)
+    score = run(Run(SENSOR, scene, 7.0, 1, errors, fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")))
+    assert score.misleading_pct is not None and score.misleading_pct < 1.0
+    assert score.valid_pct is not None and score.valid_pct > 25.0
 
 
 LIFTS = "a slip is reported as one of two fingers lifts"

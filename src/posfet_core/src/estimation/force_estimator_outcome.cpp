@@ -158,7 +158,9 @@ bool ForceEstimator::is_valid() {
   bool sound = true;
   bool may_touch = std::abs(doubt_) > negligible_;
   double touching = 0.0;
+  double warmed = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    warmed += std::abs(array_.newton_per_kelvin[taxel] * belief()->shared[kWarmth] * touch_.warm()[taxel]);
     const bool fit = offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
@@ -170,6 +172,7 @@ bool ForceEstimator::is_valid() {
   }
   recent_force_[recent_] = std::abs(touching);
   recent_ = (recent_ + 1) % recent_force_.size();
+  may_touch = may_touch || warmed > kLeastDeviation * array_.threshold;
   const bool unknown_zero = touch_at_start && !zero_known_;
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
