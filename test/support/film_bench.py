@@ -54,6 +54,10 @@ class Film:
     """Lag of the temperature sensors behind the chip [s]."""
     nonlinearity: float = 0.0
     """Loss of sensitivity per force [1/N]."""
+    hysteresis: float = 0.0
+    """Width of the hysteresis loops of large forces [N]."""
+    plays: tuple[float, ...] = (0.04, 0.1, 0.2, 0.4)
+    """Half widths of the play operators of the hysteresis [N]."""
     ramp: float = 0.0
     """Slope of the chip's temperature [K/s]."""
     bending: float = 0.0
@@ -102,6 +106,17 @@ def lag(time: Floats, values: Floats, tau: float) -> Floats:
         state = (state * (1.0 - half) + half * (values[index] + values[index - 1])) / (1.0 + half)
         slow[index] = state
     return slow
+
+
+def with_hysteresis(force: Floats, film: Film) -> Floats:
+    """Return the force and what play operators of it add [N], each of which follows it at its half width."""
+    result = force.copy()
+    for width in film.plays if film.hysteresis else ():
+        play = np.zeros(force.shape[1])
+        for index, now in enumerate(force):
+            play = np.clip(play, now - width, now + width)
+            result[index] += 0.5 * film.hysteresis / sum(film.plays) * play
+    return result
 
 
 def with_slow_charge(time: Floats, force: Floats, film: Film) -> Floats:
@@ -155,7 +170,7 @@ def record(
     places = sensor.layout.positions - sensor.layout.positions.mean(axis=0)
     places = places / np.abs(places).max(axis=0)
     bent = film.bending * force.sum(axis=1, keepdims=True) + film.bending_moment * (force @ places) @ places.T
-    source = gain * (with_slow_charge(time, force, film) + bent) + per_kelvin * temperature
+    source = gain * (with_slow_charge(time, with_hysteresis(force, film), film) + bent) + per_kelvin * temperature
     if change is not None:
         source = change(time, source)
     charge = np.zeros(source.shape)

@@ -20,6 +20,7 @@ from posfet_model.calibration.calibration_file import load_calibration, save_cal
 from posfet_model.calibration.fit_checks import FitError
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import (
+    CALIBRATED_COMMON_GAIN_DEVIATION,
     NOMINAL_BENDING_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
     NOMINAL_WARMTH_TIME_CONSTANT,
@@ -40,6 +41,11 @@ FILMS = {
     "a slow object": Film(warmth=0.03, warmth_time=1.7),
     "bending": Film(bending=8e-3, bending_moment=2e-3),
     "all": Film(relaxation=0.02, creep=0.04, warmth=0.03, sensor_lag=1.0, bending=2e-3, ramp=2.0 / 60.0),
+}
+HYSTERETIC = {
+    "loops of four sizes": Film(hysteresis=0.03),
+    "loops of one size": Film(hysteresis=0.03, plays=(0.1,)),
+    "loops of five sizes": Film(hysteresis=0.03, plays=(0.02, 0.05, 0.12, 0.25, 0.8)),
 }
 
 
@@ -104,6 +110,40 @@ def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
     assert cold
     for name in cold:
         assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
+
+
+def loop_gain(film: Film, force: float) -> float:
+    """Return the signal per force from end to end of a loop between 0 and a force [1]."""
+    weight = 0.5 * film.hysteresis / sum(film.plays)
+    return 1.0 + weight * sum(max(0.0, 1.0 - 2.0 * width / force) for width in film.plays)
+
+
+@pytest.mark.parametrize("name", HYSTERETIC)
+def test_hysteresis_is_neither_relaxation_nor_a_temperature_nor_leakage(name: str) -> None:
+    """The film has play operators of other half widths than the fit."""
+    film = HYSTERETIC[name]
+    board = record(SENSOR, film)
+    found = fit(SENSOR, board.recording, DATE)
+    assert (np.abs(found.relaxation_sizes) < 3.0 * found.relaxation_deviations).all()
+    assert found.relaxation_deviations.max() < 6e-3
+    assert abs(found.warmth) < 1e-3
+    assert found.warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
+    np.testing.assert_allclose(found.leak_time_constant, board.leak_time_constant, rtol=0.005)
+    np.testing.assert_allclose(found.gain, board.gain * loop_gain(film, 0.3), rtol=0.01)
+    assert found.common_gain_deviation > CALIBRATED_COMMON_GAIN_DEVIATION
+    for force in (0.1, 0.9):
+        assert abs(loop_gain(film, force) - loop_gain(film, 0.3)) < 2.0 * found.common_gain_deviation
+
+
+def test_hysteresis_leaves_the_rest_of_the_film_as_it_is(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    without = fitted["all"][1]
+    board = record(SENSOR, replace(FILMS["all"], hysteresis=0.015))
+    found = fit(SENSOR, board.recording, DATE)
+    assert found.warmth == pytest.approx(without.warmth, abs=1e-3)
+    assert found.warmth_time_constant == pytest.approx(without.warmth_time_constant, rel=0.05)
+    change = np.abs(found.relaxation_sizes - without.relaxation_sizes)
+    assert (change < 2.0 * found.relaxation_deviations).all()
+    assert change.max() < 5e-3
 
 
 @pytest.mark.parametrize("name", FILMS)

@@ -19,10 +19,11 @@
 5. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
 
 The film's hysteresis leaves residual charge when a force has gone, which a fit without it would attribute to leakage,
-drift or temperature. So the distance F - P of the force from a play operator P of half width r (the elementary
-hysteresis loop: P is dragged along, never further than r from F) is a source, too. The signal contains
-``g1*F + w*(F - P)``, and the gain is that of the regression line through the loop,
-``g = g1 + w*sum((F - P)*F)/sum(F^2)``, for presses of typical strength (`TYPICAL_FORCE`).
+drift, slow poles or temperature. So the distances F - P of the force from play operators P of several half widths r
+(the elementary hysteresis loop: P is dragged along, never further than r from F) are sources, too: the signal contains
+``g*F + sum(w*(F - P - s*F))``. From end to end of a loop between 0 and F that was passed before, F - P changes by 2*r,
+or by F if that is less: with the slope ``min(1, 2*r/F)``. That of typical forces (`TYPICAL_FORCE`) is s, so that g is
+their gain. Other forces have another, which the deviation of the gains contains (`ATYPICAL`).
 """
 
 from __future__ import annotations
@@ -74,16 +75,23 @@ MIN_TEMPERATURE_RANGE: Final = 0.5
 DEAD_GAIN: Final = 0.1
 """A taxel with a smaller gain is dead [1]."""
 
-PLAY_HALF_WIDTHS: Final = (0.1,)
+PLAY_HALF_WIDTHS: Final = (0.005, 0.02, 0.08)
 """Half widths r of the play operators that model the film's hysteresis, relative to the maximum force [1], assumed: for
-loops of small and of large forces."""
+loops of small and of large forces; equally spaced in their logarithm, up to a fifth of a press of the rig."""
 
 SOURCES: Final = 1 + len(PLAY_HALF_WIDTHS)
 """Number of sources of a taxel: force, and its distance from each play operator."""
 
-TYPICAL_FORCE: Final = 0.1
+TYPICAL_FORCE: Final = 0.06
 """The gain is that of presses of this strength, relative to the maximum force [1], assumed: hysteresis attenuates small
-changes of force more than large ones, and a fingertip presses no taxel harder."""
+changes of force more than large ones, and a fingertip presses a taxel with some tenths of a newton."""
+
+ATYPICAL: Final = 3.0
+"""Forces of a third of the typical one and three times as strong are one standard deviation from it [1], assumed."""
+
+HYSTERESIS_DOUBT: Final = 0.03
+"""Standard deviation of the size of a relaxation pole, relative to the sum of the weights w of the play operators [1]:
+loops of other half widths than these three leave that much, as measured on films with one to five others."""
 
 POLES: Final = (0.1, 1.0, 10.0)
 """Time constants of the relaxation poles [s]: a spread of time constants over three decades is one pole per decade."""
@@ -226,7 +234,7 @@ class _Data:
         )
         self._raw, self.crosstalk = self.signal, 0.0
         self._neighbours = [list(each) for each in neighbour_lists(sensor.layout, EDGE_NEIGHBOURS)]
-        self.plays = _play_distances(sensor, self.force)
+        self.loops = _hysteresis_sources(sensor, self.force)
         self.size = block_size(self.time)
         tau = sensor.device.leak_time_constant
         self.hold = _long_hold(self.time, self.force)
@@ -310,7 +318,7 @@ class _Data:
         common: Array | None = None,
     ) -> Segment:
         scans = slice(begin, end)
-        sources = [self.force[scans, taxel], *self.plays[:, scans, taxel]]
+        sources = [self.force[scans, taxel], *self.loops[:, scans, taxel]]
         sources += [each[scans, taxel] for each in further]
         time = self.time[scans]
         return Segment(
@@ -517,10 +525,9 @@ def _calibration(
     nominal_tau = sensor.device.leak_time_constant
     gain, tau = np.full(data.taxels, np.nan), np.full(data.taxels, nominal_tau)
     gain_deviation, leak_deviation = np.zeros(data.taxels), np.zeros(data.taxels)
-    effect = _hysteresis_share(sensor, data.force)
     for taxel in np.flatnonzero(~dead).tolist():
         each = found.taxels[taxel]
-        gain[taxel] = each.gain + float(each.coefficients[1:] @ effect[:, taxel])
+        gain[taxel] = each.gain
         tau[taxel] = 1.0 / each.rate
         gain_deviation[taxel] = each.deviations[0] / each.gain
         leak_deviation[taxel] = each.deviations[-1] / each.rate
@@ -529,7 +536,10 @@ def _calibration(
     if thermal is not None and nominal:
         pyroelectric = np.where(dead, 1.0, shares.share * thermal.newton_per_kelvin / nominal)
     poles = len(POLES) if data.hold is not None else 0
-    deviations = np.sqrt(np.diag(found.common_covariance))
+    weights = np.median([each.coefficients[1:] / each.gain for each in found.taxels.values()], axis=0)
+    atypical = _loop_slopes(TYPICAL_FORCE / ATYPICAL) - _loop_slopes(TYPICAL_FORCE * ATYPICAL)
+    doubt = HYSTERESIS_DOUBT * np.abs(weights).sum()
+    deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)), doubt)
     warmth, warmth_deviation, weak_share = 0.0, NOMINAL_WARMTH_DEVIATION, 0.0
     deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
     if poles and deviation < MAX_WARMTH_DEVIATION:
@@ -548,7 +558,7 @@ def _calibration(
         gain_deviation=gain_deviation,
         leak_deviation=leak_deviation,
         crosstalk=data.crosstalk,
-        common_gain_deviation=CALIBRATED_COMMON_GAIN_DEVIATION,
+        common_gain_deviation=math.hypot(CALIBRATED_COMMON_GAIN_DEVIATION, 0.5 * float(weights @ atypical)),
         common_leak_deviation=CALIBRATED_COMMON_LEAK_DEVIATION,
         thermal_time_constant=film_lag,
         date=date,
@@ -612,16 +622,15 @@ def _fitted(time: Array) -> Mask:
     return mask
 
 
-def _hysteresis_share(sensor: Sensor, forces: Array) -> Array:
-    """Return the slope of F - P against F in the loops that typical forces make [1], shape [operators, taxels]."""
-    force = forces * (TYPICAL_FORCE * sensor.device.force_max / forces.max(axis=0))
-    share: Array = (_play_distances(sensor, force) * force).sum(axis=1) / (force * force).sum(axis=0)
-    return share
+def _loop_slopes(force: float) -> Array:
+    """Return the slope of F - P from end to end of loops of a force relative to the maximum [1], shape [operators]."""
+    return np.minimum(1.0, 2.0 * np.array(PLAY_HALF_WIDTHS) / force)
 
 
-def _play_distances(sensor: Sensor, force: Array) -> Array:
-    """Return the distance of each force [N] from its play operators, shape [operators, scans, taxels]."""
-    return np.stack([play_distance(force, width * sensor.device.force_max) for width in PLAY_HALF_WIDTHS])
+def _hysteresis_sources(sensor: Sensor, force: Array) -> Array:
+    """Return what hysteresis adds to forces [N] per weight, shape [operators, scans, taxels]."""
+    distances = [play_distance(force, width * sensor.device.force_max) for width in PLAY_HALF_WIDTHS]
+    return np.stack(distances) - _loop_slopes(TYPICAL_FORCE)[:, None, None] * force
 
 
 def _crosstalk(found: ResponseFit) -> float:
@@ -651,7 +660,7 @@ def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares,
     for taxel in np.flatnonzero(~dead).tolist():
         each = found.taxels[taxel]
         force, signal = data.force[:, taxel], data.signal[:, taxel]
-        source = each.gain * force + each.coefficients[1:] @ data.plays[:, :, taxel] + shares.share[taxel] * data.common
+        source = each.gain * force + each.coefficients[1:] @ data.loops[:, :, taxel] + shares.share[taxel] * data.common
         source = source + data.further_charge(taxel, each.gain, found)
         fitted = error(_compensated(data.time, signal, 1.0 / each.rate) - source) / each.gain
         nominal = error(_compensated(data.time, signal, nominal_tau) - force - data.common)

@@ -9,12 +9,12 @@
 
 The charge of a taxel, as a nominal force, is
 
-    x(t) = H[ g*(F + sum_k s_k*L_k[F] + W*q*L_w[touched]) + w*(F - P) + common ] + o + c*exp(-t/tau)
+    x(t) = H[ g*(F + sum_k s_k*L_k[F] + W*q*L_w[touched]) + sum_j w_j*h_j + common ] + o + c*exp(-t/tau)
 
-H is the leakage (high-pass of time constant tau), L a first-order lag. Of each taxel: gain g, hysteresis w (P is the
-play operator of F), leakage rate 1/tau, and in each of its segments offset o and start c. Of all taxels: the sizes s_k
-of the relaxation poles and the level W of the temperature rise of a touched taxel, which the film turns into q newtons
-per kelvin. The common-mode signal is given. Residuals are those of the output: noise, when the model holds.
+H is the leakage (high-pass of time constant tau), L a first-order lag. Of each taxel: gain g, weights w_j of the
+sources h_j of its hysteresis, leakage rate 1/tau, and in each of its segments offset o and start c. Of all taxels: the
+sizes s_k of the relaxation poles and the level W of the temperature rise of a touched taxel, which the film turns into
+q newtons per kelvin. The common-mode signal is given. Residuals are those of the output: noise, when the model holds.
 
 The model is linear but for 1/tau and g*s_k; each iteration is a linear fit with the derivative by 1/tau as a column and
 the last g. The parameters of a taxel are eliminated from the equations of the common ones (arrow structure), so
@@ -69,8 +69,8 @@ class Segment:
     signal: Array
     """Charge as a nominal force [N], common-mode signal subtracted, shape [scans]."""
     sources: Array
-    """Sources [N]: force, distance from the play operator, and further ones, shape [scans, 2 or more]; those after the
-    first `leaking` ones are signals, which have leaked already."""
+    """Sources [N]: force, those of hysteresis, and further ones, shape [scans, sources]; those after the first
+    `leaking` ones are signals, which have leaked already."""
     common_sources: Array
     """Sources per gain and common parameter: ``L_k[F]`` [N], then ``q*L_w[touched]`` [N/K], shape [scans, common]."""
     fitted: Mask

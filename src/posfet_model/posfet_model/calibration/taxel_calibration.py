@@ -98,7 +98,8 @@ class Calibration:
     crosstalk: float
     """Share of a taxel's signal that each of its four neighbours picks up [1]."""
     common_gain_deviation: float = CALIBRATED_COMMON_GAIN_DEVIATION
-    """Relative standard deviation of the gains that all taxels have in common [1]."""
+    """Relative standard deviation of the gains that all taxels have in common [1]: by ageing and temperature, and, on a
+    film with hysteresis, that of the gains of other forces than typical ones."""
     common_leak_deviation: float = CALIBRATED_COMMON_LEAK_DEVIATION
     """Relative standard deviation of the leakage time constants that all taxels have in common [1]."""
     thermal_time_constant: float | None = None
