@@ -346,7 +346,7 @@ class _Data:
     def find_common_mode(self, fitted: ResponseFit, dead: Mask) -> None:
         """Find what the untouched taxels have in common, as the mean of their changes with leakage compensated.
 
-        Bending, and what an earlier touch still brings in by the slow poles, are subtracted.
+        Bending, weak forces, and what an earlier touch still brings in by the slow poles, are subtracted.
         """
         usable = ~self.near_force & ~dead
         enough = usable.sum(axis=1) >= MIN_UNTOUCHED
@@ -356,7 +356,7 @@ class _Data:
             found = fitted.taxels[int(taxel)]
             signal = self.signal[:, taxel] - self.offsets[taxel]
             change = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * step * found.rate
-            change -= np.diff(self.further_charge(int(taxel), found.gain, fitted))
+            change -= np.diff(self.charge(int(taxel), fitted))
             used = (usable[1:, taxel] & usable[:-1, taxel]) * 1.0
             changes += used * change
             weights += used
@@ -390,9 +390,11 @@ class _Data:
         """Temperature of the chip's sensors relative to the start [K], shape [blocks]."""
         return block_means(self.temperature - self.temperature[0], self.size)
 
-    def further_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
-        """Return the charge of a taxel besides that of its force at once: slow charge, and that of bending [N]."""
-        return self._slow_charge(taxel, gain, fitted) + self._charge_of_bending(taxel, gain)
+    def charge(self, taxel: int, fitted: ResponseFit) -> Array:
+        """Return the charge of a taxel [N]: of its force with hysteresis, slow charge, and that of bending."""
+        found = fitted.taxels[taxel]
+        at_once: Array = found.gain * self.force[:, taxel] + found.coefficients[1:SOURCES] @ self.loops[:, :, taxel]
+        return at_once + self._slow_charge(taxel, found.gain, fitted) + self._charge_of_bending(taxel, found.gain)
 
     def _charge_of_bending(self, taxel: int, gain: float) -> Array:
         charge: Array = gain * (self._bending_sources.of_bending(taxel) @ self.bending)
@@ -436,8 +438,8 @@ class _Data:
                 columns[:, 1] = 1.0
                 columns[:, 2 + index] = np.exp(-(time - time[0]) / tau)
                 rows.append(block_means(columns, self.size))
-                slow = high_pass(time, self.further_charge(int(taxel), found.gain, fitted)[begin:end], tau)
-                values.append(block_means(self.signal[begin:end, taxel] - slow, self.size))
+                known = high_pass(time, self.charge(int(taxel), fitted)[begin:end], tau)
+                values.append(block_means(self.signal[begin:end, taxel] - known, self.size))
             if not rows:
                 continue
             system, signal = np.concatenate(rows), np.concatenate(values)
@@ -660,8 +662,7 @@ def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares,
     for taxel in np.flatnonzero(~dead).tolist():
         each = found.taxels[taxel]
         force, signal = data.force[:, taxel], data.signal[:, taxel]
-        source = each.gain * force + each.coefficients[1:] @ data.loops[:, :, taxel] + shares.share[taxel] * data.common
-        source = source + data.further_charge(taxel, each.gain, found)
+        source = data.charge(taxel, found) + shares.share[taxel] * data.common
         fitted = error(_compensated(data.time, signal, 1.0 / each.rate) - source) / each.gain
         nominal = error(_compensated(data.time, signal, nominal_tau) - force - data.common)
         after, before = after + fitted**2, before + nominal**2
