@@ -11,20 +11,6 @@
 
 namespace posfet {
 
-namespace {
-
-/// Add to the first row and column of a covariance of the taxel those of another state, `share` times.
-void add_to_force_error(double* own, std::size_t state, double share) {
-  for (std::size_t column = 0; column < kOwnStates; ++column) {
-    own[column] += share * own[own_at(state, column)];
-  }
-  for (std::size_t row = 0; row < kOwnStates; ++row) {
-    own[row * kOwnStates] += share * own[row * kOwnStates + state];
-  }
-}
-
-}  // namespace
-
 Belief::Belief(std::size_t taxels, std::size_t states)
     : shared(states, 0.0),
       error(taxels * kOwnStates, 0.0),
@@ -65,53 +51,53 @@ void Belief::set_root(const SquareMatrix& root) {
   }
 }
 
+void Belief::add_to_force_error(std::size_t taxel, std::size_t state, double share) {
+  double* errors = error_of(taxel);
+  errors[kForceError] += share * errors[state];
+  double* changed = slope_of(taxel, kForceError);
+  const double* added = slope_of(taxel, state);
+  for (std::size_t shared_state = 0; shared_state < states(); ++shared_state) {
+    changed[shared_state] += share * added[shared_state];
+  }
+  double* covariance = own_of(taxel);
+  for (std::size_t column = 0; column < kOwnStates; ++column) {
+    covariance[own_at(kForceError, column)] += share * covariance[own_at(state, column)];
+  }
+  for (std::size_t row = 0; row < kOwnStates; ++row) {
+    covariance[own_at(row, kForceError)] += share * covariance[own_at(row, state)];
+  }
+}
+
 void Belief::integrate(const double* leaked, const double* driven) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double share = leaked[taxel];
+    add_to_force_error(taxel, kOffset, leaked[taxel]);
     const double* drive = driven + taxel * states();
-    double* errors = error_of(taxel);
-    errors[kForceError] += share * errors[kOffset] + dot(drive, shared.data(), states());
+    error_of(taxel)[kForceError] += dot(drive, shared.data(), states());
     double* changed = slope_of(taxel, kForceError);
-    const double* offset = slope_of(taxel, kOffset);
     for (std::size_t state = 0; state < states(); ++state) {
-      changed[state] += share * offset[state] + drive[state];
+      changed[state] += drive[state];
     }
-    add_to_force_error(own_of(taxel), kOffset, share);
   }
 }
 
 void Belief::respond(const double* expected) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double share = expected[taxel];
-    double* errors = error_of(taxel);
-    errors[kForceError] += share * errors[kPyroelectric];
-    double* changed = slope_of(taxel, kForceError);
-    const double* response = slope_of(taxel, kPyroelectric);
-    for (std::size_t state = 0; state < states(); ++state) {
-      changed[state] += share * response[state];
-    }
-    add_to_force_error(own_of(taxel), kPyroelectric, share);
+    add_to_force_error(taxel, kPyroelectric, expected[taxel]);
   }
 }
 
 void Belief::cool(const double* shares) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double share = shares[taxel];
+    double& warmth = error_of(taxel)[kOwnWarmth];
     double* covariance = own_of(taxel);
-    double* errors = error_of(taxel);
-    const bool known = covariance[own_at(kOwnWarmth, kOwnWarmth)] == 0.0 && errors[kOwnWarmth] == 0.0;
-    if (share == 0.0 || known) {
+    if (share == 0.0 || (covariance[own_at(kOwnWarmth, kOwnWarmth)] == 0.0 && warmth == 0.0)) {
       continue;
     }
-    errors[kForceError] -= share * errors[kOwnWarmth];
-    errors[kOwnWarmth] *= 1.0 - share;
-    double* changed = slope_of(taxel, kForceError);
-    double* warmth = slope_of(taxel, kOwnWarmth);
-    for (std::size_t state = 0; state < states(); ++state) {
-      changed[state] -= share * warmth[state];
-      warmth[state] *= 1.0 - share;
-    }
-    add_to_force_error(covariance, kOwnWarmth, -share);
+    add_to_force_error(taxel, kOwnWarmth, -share);
+    warmth *= 1.0 - share;
+    double* slopes = slope_of(taxel, kOwnWarmth);
+    std::transform(slopes, slopes + states(), slopes, [share](double each) { return (1.0 - share) * each; });
     for (std::size_t other = 0; other < kOwnStates; ++other) {
       covariance[own_at(kOwnWarmth, other)] *= 1.0 - share;
       covariance[own_at(other, kOwnWarmth)] *= 1.0 - share;

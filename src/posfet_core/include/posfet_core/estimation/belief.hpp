@@ -7,9 +7,9 @@
 
 /// What is known about the errors of the forces.
 ///
-/// Given the states s that all taxels share, the errors of the taxels are independent: with t = (d, o, r, p), error of
-/// the force, offset of the signal, small force beside a contact and relative error of the pyroelectric response of a
-/// taxel, t = m + G (s - s^) + e, cov(e) = V, cov(s) = S.
+/// Given the states s that all taxels share, the errors of the taxels are independent: with t = (d, o, r, p, w), error of
+/// the force, offset of the signal, small force beside a contact, relative error of the pyroelectric response and own
+/// warmth of a taxel, t = m + G (s - s^) + e, cov(e) = V, cov(s) = S.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@
 
 namespace posfet {
 
-/// States of each taxel: t = (d, o, r, p).
+/// States of each taxel: t = (d, o, r, p, w).
 constexpr std::size_t kOwnStates = 5;
 
 // Position of each of them.
@@ -102,6 +102,9 @@ public:
   std::vector<double> own;     ///< Covariance V of these errors given the shared states, [taxels, own, own].
 
 private:
+  /// Add to the force error of a taxel its error of another state, `share` times.
+  void add_to_force_error(std::size_t taxel, std::size_t state, double share);
+
   SquareMatrix covariance_;
   mutable SquareMatrix root_;
   mutable bool rooted_ = false;

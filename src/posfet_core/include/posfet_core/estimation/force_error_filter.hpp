@@ -5,10 +5,10 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// Kalman filter of the force errors: states that all taxels share, and four of each taxel; linear in the taxels.
+/// Kalman filter of the force errors: states that all taxels share, and five of each taxel; linear in the taxels.
 ///
 /// A known force of taxel i measures z_i = d_i + r_i + h_i.s + noise. The update eliminates the taxels one by one: each
-/// adds g_i g_i'/v_i to the information on s, with g_i = h_i + a.G_i and v_i = a.V_i.a + R_i, a = (1, 0, 1, 0); then
+/// adds g_i g_i'/v_i to the information on s, with g_i = h_i + a.G_i and v_i = a.V_i.a + R_i, a = (1, 0, 1, 0, 0); then
 /// each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for what the process
 /// noise of s makes common to the taxels (docs/estimation.md).
 #pragma once
