@@ -58,7 +58,7 @@ inline ErrorPriors priors() {
   given.bend = {3e-3, 1.5e-3, 1.5e-3, 1.5e-3};
   given.leak = 0.1;
   given.tail = 0.1;
-  given.tail_spread = 0.08;
+  given.tail_spread = 0.2;
   given.tail_least = 5e-3;
   given.tail_change = 3e-3;
   given.warmth_mean = 0.0;
@@ -71,6 +71,9 @@ inline ErrorPriors priors() {
   given.creep_times = {0.3, 2.0, 15.0};
   given.creep_mean = {0.0, 0.0, 0.0};
   given.creep = {8e-3, 0.012, 0.015};
+  given.loop_half_widths = {0.025, 0.1, 0.4};
+  given.loop_weights = {-0.01, -0.02, -0.01};
+  given.loop_slope = -0.025;
   given.pyroelectric = 0.1;
   given.drift = 2e-4;
   given.offset_walk = 1e-5;

@@ -457,7 +457,7 @@ class ForceEstimator:
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
         response[:, Shared.FILM] = 0.0
-        belief.error[:, 0] += response @ belief.shared
+        belief.error[:, 0] += response @ belief.shared + self._touch.loops
         belief.forget(np.ones_like(self.ignored), 0)
         belief.own[:, 0, 0] = self._noise_variance
         mean, prior = start_mean(p), start_covariance(p)
@@ -691,7 +691,7 @@ class ForceEstimator:
         total, before = float(held.sum()), float(self._touch_force.sum())
         self._touch_force, self._tail, self._warmed, self._warmth = held, tail, warmed, warmth
         block = Block(
-            self._raw_sum / self._scans,
+            self._raw_sum / self._scans - self._touch.loops,
             self._noise_variance / self._scans,
             self._elapsed,
             charge,
@@ -961,7 +961,7 @@ class ForceEstimator:
         belief = self.belief
         leaking = self._offset() * self._per_second
         self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
-        self._correction[:] = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
+        self._correction[:] = self._filter.predicted(block.response) + self._touch.loops + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
         self._follow_usual(block)
@@ -1118,7 +1118,7 @@ class ForceEstimator:
         self._lower_bound.start(self.force * known, remaining * known)
         self.force[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
-        belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
+        belief.error[:, 0] = self._correction - self._touch.loops - self._touch.matrix() @ belief.shared
         belief.forget(np.ones(len(signal), np.bool_), 0)
         belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
@@ -1147,7 +1147,7 @@ class ForceEstimator:
         new, known = where & ~self.offset_known, where & self.offset_known
         belief.slope[where] = 0.0
         belief.error[where, 3] = belief.error[where, 4] = 0.0
-        belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
+        belief.error[where, 0] = (self._raw - self._touch.loops - self._touch.matrix() @ belief.shared)[where]
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
         belief.own[where, 3, 3] = self._priors.pyroelectric**2

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array
-from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
+from posfet_model.estimation.error_states import COUNT, CREEPS, LOOPS, ErrorPriors, Shared
 from posfet_model.sensor.description import Layout
 
 WARMTH_FORCE: Final = 0.05
@@ -58,6 +58,11 @@ class TouchResponse:
         self._per_kelvin = newton_per_kelvin
         self._warmth_time, self._warmth_weak = priors.warmth_time, priors.warmth_weak
         self._creep_times = np.array(priors.creep_times)
+        self._half_widths = np.array(priors.loop_half_widths)[:, None]
+        self._weights, self._slope = np.array(priors.loop_weights), priors.loop_slope
+        self._plays = np.zeros((LOOPS, taxels))
+        self.loops = np.zeros(taxels)
+        """Charge by which the film's hysteresis differs from that of the force, as a force [N], shape [taxels]."""
         self._followed = np.zeros((CREEPS, taxels))
         self._charge = np.zeros(taxels)
         self._force = np.zeros(taxels)
@@ -70,7 +75,7 @@ class TouchResponse:
 
     def reset(self) -> None:
         """Forget all touches."""
-        self._followed[:] = 0.0
+        self._followed[:] = self._plays[:] = self.loops[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
         self.warm[:] = self.range[:] = 0.0
@@ -107,6 +112,8 @@ class TouchResponse:
         left = np.exp(-ratio)
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force
+        self._plays = np.clip(self._plays, force - self._half_widths, force + self._half_widths)
+        self.loops = self._weights @ (force - self._plays) - self._slope * force
         # Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
         # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
         # would the part that a weaker force causes, were it not driven by what the force is at least.

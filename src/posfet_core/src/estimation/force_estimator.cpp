@@ -266,7 +266,7 @@ void ForceEstimator::forget_touch() {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* response = response_.data() + taxel * kSharedStates;
     response[kFilm] = 0.0;
-    b.error_of(taxel)[kForceError] += dot(response, b.shared.data(), kSharedStates);
+    b.error_of(taxel)[kForceError] += dot(response, b.shared.data(), kSharedStates) + touch_.loops()[taxel];
     b.forget(taxel, kForceError);
     b.own_of(taxel)[own_at(kForceError, kForceError)] = noise_variance_[taxel];
   }
@@ -305,8 +305,8 @@ void ForceEstimator::start(const double* charge) {
     remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
     s.force[taxel] = std::max(left, 0.0);
     s.correction[taxel] = s.raw[taxel] - s.force[taxel];
-    b.error_of(taxel)[kForceError] =
-        s.correction[taxel] - dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
+    b.error_of(taxel)[kForceError] = s.correction[taxel] - touch_.loops()[taxel] -
+                                     dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
     b.forget(taxel, kForceError);
     double* own = b.own_of(taxel);
     own[own_at(kForceError, kForceError)] = noise_variance_[taxel] + own[own_at(kOffset, kOffset)];
@@ -375,7 +375,8 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     double* own = b.own_of(taxel);
     std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
     std::fill_n(own, kOwnStates * kOwnStates, 0.0);
-    error[kForceError] = s.raw[taxel] - dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
+    error[kForceError] = s.raw[taxel] - touch_.loops()[taxel] -
+                         dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
     error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
     own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
     own[own_at(kForceError, kForceError)] = noise;

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -66,6 +67,7 @@ void ForceEstimator::measure(Block& block) {
   take_reading(block);
   find_tails(block);
   measure_touch(block);
+  std::transform(block.mean.begin(), block.mean.end(), touch_.loops().begin(), block.mean.begin(), std::minus<>());
   measure_process_noise(block);
   block.before = *belief();
   last_duration_ = scans.elapsed;

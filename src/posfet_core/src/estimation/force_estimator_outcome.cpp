@@ -53,7 +53,7 @@ void ForceEstimator::finish(const Block& block) {
     const double leaking = offset(taxel) * (1.0 / array_.time_constant[taxel]);
     const double response = array_.newton_per_kelvin[taxel] * (1.0 + b.error_of(taxel)[kPyroelectric]);
     s.rate[taxel] = leaking + response * rate;
-    s.correction[taxel] = predicted[taxel] + 0.5 * block.duration * s.rate[taxel];
+    s.correction[taxel] = predicted[taxel] + touch_.loops()[taxel] + 0.5 * block.duration * s.rate[taxel];
     s.force[taxel] = s.raw[taxel] - s.correction[taxel];
     mean_[taxel] = block.mean[taxel] - predicted[taxel];
   }

@@ -418,7 +418,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 26> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -441,6 +441,7 @@ ErrorPriors priors_from(const py::object& priors) {
       {"warmth_weak", &ErrorPriors::warmth_weak},
       {"warmth_contact", &ErrorPriors::warmth_contact},
       {"warmth_time", &ErrorPriors::warmth_time},
+      {"loop_slope", &ErrorPriors::loop_slope},
       {"pyroelectric", &ErrorPriors::pyroelectric},
       {"drift", &ErrorPriors::drift},
       {"offset_walk", &ErrorPriors::offset_walk},
@@ -454,6 +455,8 @@ ErrorPriors priors_from(const py::object& priors) {
   }};
   static_assert(kOfCreep.back().first != nullptr, "fewer priors than their number");
   ErrorPriors found{};
+  found.loop_half_widths = priors.attr("loop_half_widths").cast<std::array<double, kLoops>>();
+  found.loop_weights = priors.attr("loop_weights").cast<std::array<double, kLoops>>();
   found.bend_mean = priors.attr("bend_mean").cast<std::array<double, kBends>>();
   found.bend = priors.attr("bend").cast<std::array<double, kBends>>();
   for (const auto& [name, member] : kValues) {

@@ -151,6 +151,9 @@ void bind_touch_response(const py::module_& module) {
           "warm", [](const TouchResponse& response) { return array_of(response.warm()); },
           "Warmth of each taxel relative to the steady one [1], a new array.")
       .def_property_readonly(
+          "loops", [](const TouchResponse& response) { return array_of(response.loops()); },
+          "Charge by which the film's hysteresis differs from that of the force, as a force [N].")
+      .def_property_readonly(
           "range", [](const TouchResponse& response) { return array_of(response.range()); },
           "The same with the greatest thermal contact that there may be [1], a new array.")
       .def_property_readonly(

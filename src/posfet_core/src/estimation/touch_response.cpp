@@ -20,7 +20,10 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
       per_kelvin_(std::move(newton_per_kelvin)),
       warmth_time_(priors.warmth_time),
       warmth_weak_(priors.warmth_weak),
-      creep_times_(priors.creep_times) {
+      creep_times_(priors.creep_times),
+      half_widths_(priors.loop_half_widths),
+      weights_(priors.loop_weights),
+      slope_(priors.loop_slope) {
   const auto place = [](Taxel index, Taxel count) {
     const double half = 0.5 * static_cast<double>(count - 1);
     return (static_cast<double>(index) - half) / std::max(half, 0.5);
@@ -33,10 +36,13 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
 }
 
 void TouchResponse::reset() {
-  for (auto* values : {&charge_, &force_, &warm_, &range_}) {
+  for (auto* values : {&charge_, &force_, &warm_, &range_, &loops_}) {
     values->assign(tau_.size(), 0.0);
   }
   for (auto& values : followed_) {
+    values.assign(tau_.size(), 0.0);
+  }
+  for (auto& values : plays_) {
     values.assign(tau_.size(), 0.0);
   }
   responding_ = false;
@@ -54,6 +60,7 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
       followed_[creep][taxel] += share * (force[taxel] - followed_[creep][taxel]);
     }
   }
+  follow_loops(force);
   const double warming = -std::expm1(-duration / warmth_time_);
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
     const double ratio = duration / (tau_[taxel] * std::max(1.0 + leak, kLeastLeak));
@@ -68,6 +75,18 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     warm_[taxel] += warming * (strong + warmth_weak_ * (weak - strong) - warm_[taxel]);
     const double range = std::exp(-least[taxel] / kWarmthForce) - std::exp(-most[taxel] / kLeastWarmthForce);
     range_[taxel] += warming * (range - range_[taxel]);
+  }
+}
+
+/// Drag the play operators along, never further than their half width from the force.
+void TouchResponse::follow_loops(const std::vector<double>& force) {
+  for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
+    loops_[taxel] = -slope_ * force[taxel];
+    for (std::size_t loop = 0; loop < kLoops; ++loop) {
+      double& play = plays_[loop][taxel];
+      play = std::min(std::max(play, force[taxel] - half_widths_[loop]), force[taxel] + half_widths_[loop]);
+      loops_[taxel] += weights_[loop] * (force[taxel] - play);
+    }
   }
 }
 

@@ -107,6 +107,12 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "sizes_mN_per_N": _rounded(calibration.bending * 1e3),
             "deviations_mN_per_N": _rounded(calibration.bending_deviation * 1e3),
         }
+    if len(calibration.hysteresis_weights):
+        document["hysteresis"] = {
+            "half_widths_N": _rounded(calibration.hysteresis_half_widths),
+            "weights_percent": _rounded(calibration.hysteresis_weights * 100),
+            "slope_percent": _number(calibration.hysteresis_slope * 100),
+        }
     if calibration.temperature is not None:
         document["temperature_C"] = _number(calibration.temperature)
     if calibration.thermal_time_constant is not None:
@@ -246,6 +252,15 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
         )
         bending.end()
+    if "hysteresis" in top:
+        hysteresis = top.section("hysteresis")
+        calibration = replace(
+            calibration,
+            hysteresis_half_widths=np.array(hysteresis.numbers("half_widths_N", 3, 1e-6, 1e6)),
+            hysteresis_weights=np.array(hysteresis.numbers("weights_percent", 3, -100.0, 100.0)) / 100,
+            hysteresis_slope=hysteresis.number("slope_percent", -100.0, 100.0) / 100,
+        )
+        hysteresis.end()
     relaxation.end()
     warmth.end()
     return calibration

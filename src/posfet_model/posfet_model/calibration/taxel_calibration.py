@@ -115,6 +115,13 @@ class Calibration:
     [poles]; common to all taxels."""
     relaxation_deviations: Array = field(default_factory=_none)
     """Standard deviations of `relaxation_sizes` [1], shape [poles]."""
+    hysteresis_half_widths: Array = field(default_factory=_none)
+    """Half widths r of the play operators P of the film's hysteresis [N], shape [operators]; empty: not in the file."""
+    hysteresis_weights: Array = field(default_factory=_none)
+    """Their weights w: a force F makes a charge of gain*(F + sum(w*(F - P)) - hysteresis_slope*F) [1], common to all
+    taxels, shape [operators]."""
+    hysteresis_slope: float = 0.0
+    """Slope of that sum between the ends of a loop of a typical force, which is in the gains [1]."""
     warmth: float = 0.0
     """Level of the temperature rise of a taxel's film that a touch of room temperature causes [K]; 0: not observed."""
     warmth_deviation: float = NOMINAL_WARMTH_DEVIATION

@@ -60,6 +60,9 @@ class Shared(IntEnum):
 CREEPS: Final = 3
 """Number of slow responses of the film."""
 
+LOOPS: Final = 3
+"""Sizes of the loops of the film's hysteresis."""
+
 BENDS: Final = 4
 """Number of the states of bending, from `Shared.BEND` on."""
 
@@ -140,6 +143,12 @@ class ErrorPriors:
     """the standard deviations of these [1]."""
     creep_least: float = 0.003
     """Least standard deviation of a size with calibration [1]."""
+    loop_half_widths: tuple[float, ...] = (0.025, 0.1, 0.4)
+    """Half widths r of the play operators P of the film's hysteresis [N], and"""
+    loop_weights: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """their weights w: a force F makes a charge of F + sum(w*(F - P)) - loop_slope*F [1]."""
+    loop_slope: float = 0.0
+    """Part of it that is in the gains [1]."""
     gain_least: float = 0.01
     """Gain of one taxel, in addition to what its calibration states [1]."""
     pyroelectric: float = 0.1
@@ -185,6 +194,10 @@ class ErrorPriors:
                 math.hypot(deviation, change, least)
                 for deviation, least in zip(deviations, self.bend_mounted, strict=True)
             )
+        if len(calibration.hysteresis_weights) == LOOPS:
+            found["loop_half_widths"] = tuple(calibration.hysteresis_half_widths.tolist())
+            found["loop_weights"] = tuple(calibration.hysteresis_weights.tolist())
+            found["loop_slope"] = calibration.hysteresis_slope
         times = calibration.relaxation_time_constants[:CREEPS].tolist()
         if times:
             kept = len(times)

@@ -130,6 +130,9 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     )
     sizes = [f"{100 * size:.2f} +- {100 * doubt:.2f} % in {tau:g} s" for tau, size, doubt in poles]
     numbers.append(("relaxation and creep", ", ".join(sizes) or "not observable: the recording has no long hold"))
+    loops = zip(calibration.hysteresis_half_widths, calibration.hysteresis_weights, strict=True)
+    sizes = [f"{100 * weight:.2f} % of {1e3 * width:.0f} mN" for width, weight in loops]
+    numbers.append(("play operators of the hysteresis", ", ".join(sizes) or "not in the file"))
     warmth = f"{1e3 * calibration.warmth:.0f} +- {1e3 * calibration.warmth_deviation:.0f} mK"
     if not calibration.warmth_observed:
         warmth = "not observable: it needs a long hold, and a light touch beside strong ones"

@@ -16,6 +16,9 @@
 
 namespace posfet {
 
+/// Sizes of the loops of the film's hysteresis.
+constexpr std::size_t kLoops = 3;
+
 /// Standard deviations of the force errors; `ErrorPriors` in posfet_model/estimation/error_states.py explains them and
 /// has their defaults.
 struct ErrorPriors {
@@ -46,6 +49,9 @@ struct ErrorPriors {
   std::array<double, kCreeps> creep_times;
   std::array<double, kCreeps> creep_mean;
   std::array<double, kCreeps> creep;
+  std::array<double, kLoops> loop_half_widths;
+  std::array<double, kLoops> loop_weights;
+  double loop_slope;
   double pyroelectric;
   double drift;
   double offset_walk;

@@ -47,6 +47,9 @@ public:
   /// By how much the greatest thermal contact that there may be differs from the least [1].
   const std::vector<double>& range() const { return range_; }
 
+  /// Charge by which the film's hysteresis differs from that of the force, as a force [N].
+  const std::vector<double>& loops() const { return loops_; }
+
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
 
@@ -60,6 +63,8 @@ public:
   void matrix(std::vector<double>& response) const;
 
 private:
+  void follow_loops(const std::vector<double>& force);
+
   std::vector<double> x_;  ///< Position, from -1 to 1 at the edges of the array.
   std::vector<double> y_;
   std::vector<double> tau_;
@@ -67,10 +72,15 @@ private:
   double warmth_time_;
   double warmth_weak_;
   std::array<double, kCreeps> creep_times_;
+  std::array<double, kLoops> half_widths_;
+  std::array<double, kLoops> weights_;
+  double slope_;
   bool responding_ = false;
   std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
   std::vector<double> force_;                          ///< Touched force of the last block [N].
+  std::array<std::vector<double>, kLoops> plays_;      ///< Play operators of the touched force [N].
+  std::vector<double> loops_;
   std::vector<double> warm_;
   std::vector<double> range_;
 };
