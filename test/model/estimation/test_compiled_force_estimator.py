@@ -156,6 +156,9 @@ def calibration(story: Story) -> Calibration | None:
         gain=vary(nominal.gain, 0.03),
         leak_time_constant=vary(nominal.leak_time_constant, 0.05),
         pyroelectric_gain=vary(nominal.pyroelectric_gain, 0.05),
+        hysteresis_half_widths=np.array([0.02, 0.1, 0.4]),
+        hysteresis_weights=np.array([-0.03, -0.04, -0.02]),
+        hysteresis_slope=-0.04,
         residuals=Residuals(1e-3, 2e-3, 1),
     )
 

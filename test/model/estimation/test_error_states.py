@@ -218,6 +218,17 @@ def test_bending_that_a_calibration_found_is_expected_and_may_have_changed() -> 
     assert known.bend[0] < 0.5 * sizes[0]
 
 
+def test_hysteresis_that_a_calibration_found_is_subtracted() -> None:
+    widths, weights = np.array([0.02, 0.08, 0.3]), np.array([-0.01, -0.02, -0.03])
+    found = calibration(hysteresis_half_widths=widths, hysteresis_weights=weights, hysteresis_slope=-0.02)
+    known = ErrorPriors().with_calibration(found)
+    assert (known.loop_half_widths, known.loop_weights) == (tuple(widths), tuple(weights))
+    assert known.loop_slope == -0.02
+    without = ErrorPriors().with_calibration(calibration())
+    assert without.loop_weights == (0.0, 0.0, 0.0)
+    assert without.loop_slope == 0.0
+
+
 def test_more_slow_responses_than_states_are_left_out() -> None:
     many = np.linspace(0.1, 20.0, CREEPS + 2)
     known = ErrorPriors().with_calibration(

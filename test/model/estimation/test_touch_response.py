@@ -18,6 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_core.scan_path import LEAST_WARMTH_FORCE, WARMTH_FORCE, TouchResponse
+from posfet_model.calibration.leaky_response import play_distance
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.grid import compiled_layout
@@ -28,7 +29,10 @@ LAYOUT = replace(load_sensor().layout, rows=3, cols=4)
 TAXELS = LAYOUT.taxels
 TAU = np.linspace(0.1, 2.0, TAXELS)
 PER_KELVIN = -np.linspace(0.8, 1.2, TAXELS)
-PRIORS = ErrorPriors(warmth_time=0.4, warmth_weak=0.3, creep_times=(0.2, 1.5, 10.0))
+LOOP_WEIGHTS, LOOP_SLOPE = (-0.04, -0.05, -0.03), -0.06
+PRIORS = ErrorPriors(
+    warmth_time=0.4, warmth_weak=0.3, creep_times=(0.2, 1.5, 10.0), loop_weights=LOOP_WEIGHTS, loop_slope=LOOP_SLOPE
+)
 WARMTH_TIME = PRIORS.warmth_time
 CREEP_TIMES = PRIORS.creep_times
 FINE = 200
@@ -90,6 +94,18 @@ def test_creep_follows_the_force_with_each_time_constant() -> None:
     for index, time_constant in enumerate(CREEP_TIMES):
         expected = follow(means, time_constant)
         np.testing.assert_allclose(matrix[:, Shared.CREEP + index], expected, rtol=0, atol=1e-8)
+
+
+def test_loops_are_those_of_the_play_operators_and_forgotten_with_the_touch() -> None:
+    means = blocks(2.0)
+    each = advance(response(), means)
+    force = np.array([np.zeros(TAXELS), *means])
+    plays = [play_distance(force, width)[-1] for width in PRIORS.loop_half_widths]
+    expected = sum(weight * play for weight, play in zip(LOOP_WEIGHTS, plays, strict=True)) - LOOP_SLOPE * force[-1]
+    np.testing.assert_allclose(each.loops, expected, rtol=0, atol=1e-12)
+    assert each.loops[2] > 0.01  # 1 N was there: what is left is no force
+    each.reset()
+    assert not each.loops.any()
 
 
 def test_warmth_follows_the_force_and_saturates_with_it() -> None:

@@ -961,7 +961,8 @@ class ForceEstimator:
         belief = self.belief
         leaking = self._offset() * self._per_second
         self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
-        self._correction[:] = self._filter.predicted(block.response) + self._touch.loops + 0.5 * block.duration * self._rate
+        known = self._filter.predicted(block.response) + self._touch.loops
+        self._correction[:] = known + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
         self._follow_usual(block)

@@ -194,6 +194,22 @@ def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_ca
     assert score.misleading_pct == 0.0
 
 
+@pytest.mark.parametrize(("name", "duration"), [("press_slide_lift", 6.0), ("overload", 6.5)])
+def test_the_hysteresis_of_a_film_is_subtracted_once_calibrated(name: str, duration: float) -> None:
+    """Of 3 %: small forces make up to 6 % less charge than strong ones, and some stays when they have gone."""
+    ideal = ErrorModel.none()
+    errors = replace(
+        ideal,
+        film=replace(ideal.film, minor_loops=0.03),
+        thermal_noise=ErrorModel.default().thermal_noise,
+    )
+    calibrated = fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")
+    score = run(Run(SENSOR, load_scene(name, SENSOR), duration, 1, errors, calibrated))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 0.8
+    assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
+    assert score.misleading_pct is not None and score.misleading_pct < 1.0
+
+
 def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid() -> None:
     """By 0.1 K: as much as 0.1 N on a taxel. Its warmth may hide that it is still there."""
     keys = ((1.0, 0.0), (1.1, 3.0), (2.5, 3.0), (2.6, 0.0), (3.5, 0.0), (3.6, 0.1), (4.7, 0.1), (4.8, 0.0))

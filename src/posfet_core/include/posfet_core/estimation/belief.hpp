@@ -7,9 +7,9 @@
 
 /// What is known about the errors of the forces.
 ///
-/// Given the states s that all taxels share, the errors of the taxels are independent: with t = (d, o, r, p, w), error of
-/// the force, offset of the signal, small force beside a contact, relative error of the pyroelectric response and own
-/// warmth of a taxel, t = m + G (s - s^) + e, cov(e) = V, cov(s) = S.
+/// Given the states s that all taxels share, the errors of the taxels are independent: with t = (d, o, r, p, w), error
+/// of the force, offset of the signal, small force beside a contact, relative error of the pyroelectric response and
+/// own warmth of a taxel, t = m + G (s - s^) + e, cov(e) = V, cov(s) = S.
 #pragma once
 
 #include <cstddef>
