@@ -107,7 +107,8 @@ class SteadyForce:
         slope = (float(decay @ course) - (points - 2) * noise) / square
         residual = float(np.square(course - slope * decay).sum()) / (points - 3)
         # Also of each taxel: an object that slides keeps its force, but not the forces of the taxels.
-        motion = rate @ (force - slope * charge) * float(time[-1] - time[0])
+        duration = float(time[-1] - time[0])
+        motion = rate @ (force - slope * charge) * duration
         moved = float(np.abs(motion).sum())
         if residual > MISFIT * noise * (1.0 - slope) ** 2 + MODEL_ERROR**2 / points * square:
             return None
@@ -116,7 +117,7 @@ class SteadyForce:
         sensitivity = decay @ detrended(response) / square
         # A tremor changes the force in one window, by more than two deviations of its noise, and bends its course in
         # the next one.
-        noisy = 4.0 * noise * (1.0 - slope) ** 2 * float(rate @ rate) * float(time[-1] - time[0]) ** 2
+        noisy = 4.0 * noise * (1.0 - slope) ** 2 * float(rate @ rate) * duration**2
         changed = math.sqrt(max(float(motion.sum()) ** 2 - noisy, 0.0))
         self._unsteadiness = max(self._unsteadiness * (1.0 - 1.0 / UNSTEADY_WINDOWS), changed / total)
         bent = TREMOR * self._unsteadiness * total
