@@ -1,0 +1,195 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""The model of the stack on boards of an independent plant, each calibrated on its own stand.
+
+Limits are those of `independent.judge.rows`, and are not tuned to what the model reaches. `HELD` and `HELD_SLOWLY` list
+the rows and scenes in which the model meets them: nothing else of the table is asserted, and nothing of it is loosened.
+``python -m independent.judge`` shows all rows.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from independent.contacts import COVERS, CoverName, cover_of, scenes, sphere
+from independent.film import RELAXATION_TIMES, Board, Effects, gate_voltage, low_pass, play
+from independent.judge import Limits, judge, rows
+from independent.stand import calibration_of, programme
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.sensor.description import load_sensor
+
+SENSOR = load_sensor()
+STEP = 1e-3
+BOARD = 1
+
+HELD = (("moderate", "mixed"), ("moderate", "sliding"))
+"""Rows and scenes whose limits hold, on board 1 with the cover `gauss`; with one calibration, to be quick."""
+
+HELD_SLOWLY = (
+    *(
+        ("none", scene)
+        for scene in ("mixed", "pad", "pad_slow", "slow", "power_on", "regrasp", "two_fingers", "hold300")
+    ),
+    *(("moderate", scene) for scene in ("ring", "overload", "grasp", "regrasp", "two_fingers")),
+    *(
+        (row, "mixed")
+        for row in (
+            "relaxation",
+            "creep",
+            "hysteresis",
+            "warmth_30mK",
+            "drift",
+            "drift_under_way",
+            "bending_2",
+            "bending_8",
+            "bursts",
+            "stuck_bit_1",
+            "stuck_bit_7",
+            "telegraph",
+            "timing",
+            "nonlinearity",
+            "gain_drift",
+            "leak_halving",
+        )
+    ),
+)
+"""The same, where it takes longer: most with a calibration of their own, a quarter of a minute."""
+
+
+@lru_cache(maxsize=1)
+def calibrated(row: str, number: int, cover: CoverName) -> tuple[Board, Calibration]:
+    board = Board(SENSOR, rows()[row].effects, number)
+    return board, calibration_of(board, cover)
+
+
+def check(row: str, scene: str, cover: CoverName = "gauss") -> None:
+    board, calibration = calibrated(row, BOARD, cover)
+    limits = rows()[row].scenes[scene]
+    assert limits != Limits(None, None, None), "nothing is required"
+    verdict = judge(board, calibration, cover, scenes()[scene])
+    assert not verdict.failures(limits), verdict
+
+
+@pytest.mark.parametrize(("row", "scene"), HELD)
+def test_the_model_meets_the_requirements(row: str, scene: str) -> None:
+    check(row, scene)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("row", "scene"), HELD_SLOWLY)
+def test_the_model_meets_the_requirements_of_single_effects(row: str, scene: str) -> None:
+    check(row, scene)
+
+
+# The plant itself
+
+
+def test_a_gate_leaks_with_its_time_constant() -> None:
+    time = STEP * np.arange(2000)
+    charge = (time >= 0.1)[:, None] * np.ones(2)
+    tau = np.array([0.2, 0.3])
+    volts = gate_voltage(charge, tau, 0.0, STEP)
+    # The step rises within one scan: its middle is half a scan before the first one with the charge.
+    rise = STEP / tau
+    expected = -np.expm1(-rise) / rise * np.exp(-(time[100:, None] - 0.1) / tau)
+    np.testing.assert_allclose(volts[100:], expected, rtol=0.0, atol=1e-9)
+
+
+def test_a_gate_relaxes_as_its_network_in_small_steps() -> None:
+    tau, relaxation, parts = 0.27, 0.03, 100
+    charge = np.zeros((400, 1))
+    charge[100:] = 1.0
+    volts = gate_voltage(charge, np.array([tau]), relaxation, STEP)[:, 0]
+    times, small = np.array(RELAXATION_TIMES), STEP / parts
+    branches, leaked, expected = np.zeros(len(times)), 0.0, []
+    for index in range(parts * 399 + 1):
+        now = float(np.interp(index / parts, np.arange(400), charge[:, 0]))
+        voltage = now - 0.5 * relaxation * branches.sum() - leaked
+        if index % parts == 0:
+            expected.append(voltage)
+        branches += small * (voltage - branches) / times
+        leaked += small * voltage / tau
+    np.testing.assert_allclose(volts, expected, rtol=0.0, atol=2e-4)  # explicit Euler steps of 10 us
+
+
+def test_relaxation_without_leakage_is_its_share_per_decade() -> None:
+    charge = np.concatenate([[[0.0]], np.ones((4000, 1))])
+    volts = gate_voltage(charge, np.array([1e9]), 0.03, STEP)[:, 0]
+    assert math.isclose(1.0 / volts[1000] - 1.0 / volts[100], 0.03, abs_tol=0.002)  # of the capacitance
+
+
+def test_a_lag_is_exact_for_a_ramp() -> None:
+    time = STEP * np.arange(3000, dtype=np.float64)
+    lag = low_pass(time[:, None], np.array([0.5]), STEP)[:, 0]
+    np.testing.assert_allclose(lag, time + 0.5 * np.expm1(-time / 0.5), rtol=0.0, atol=1e-9)
+
+
+def test_play_operators_leave_half_their_width_behind() -> None:
+    force = np.concatenate([np.linspace(0.0, 1.0, 200), np.linspace(1.0, 0.0, 200)])[:, None]
+    sizes = np.array([0.05, 0.2])
+    pulled = play(force, sizes, np.array([1.0, 0.5]))[:, 0]
+    assert math.isclose(pulled[199], -0.05 - 0.1, abs_tol=1e-12)
+    assert math.isclose(pulled[-1], 0.05 + 0.1, abs_tol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.03])
+def test_hysteresis_is_the_opening_of_the_widest_loop(size: float) -> None:
+    board = Board(SENSOR, Effects(hysteresis=size), 1)
+    widest = 0.0
+    for top in (0.1, 0.3, 1.0, 2.0, 5.0):
+        rise = np.linspace(0.0, top, 401)
+        force = np.tile(np.concatenate([rise, rise[::-1]])[:, None], SENSOR.layout.taxels)
+        charge = board._charge(force, force.sum(axis=1), STEP)[:, 0]  # the film alone, without leakage
+        widest = max(widest, float((charge[:400:-1] - charge[:401]).max()) / top)
+    assert math.isclose(widest, size, rel_tol=0.1)
+
+
+@pytest.mark.parametrize("cover", COVERS)
+def test_a_cover_keeps_the_force(cover: CoverName) -> None:
+    shares = cover_of(SENSOR, cover).shares(sphere(2e-3), np.zeros(1), np.zeros(1), np.ones(1))
+    assert 0.98 < shares.sum() <= 1.0 + 1e-6  # the rest is beside the array
+    assert shares.min() >= 0.0
+
+
+def test_the_cover_of_the_sensor_file_spreads_like_a_gaussian() -> None:
+    spread, pitch = SENSOR.device.contact_spread, SENSOR.layout.pitch_x
+    needle = cover_of(SENSOR, "gauss").shares(sphere(2e-3), np.zeros(1), np.zeros(1), np.zeros(1))[0]
+    middle = SENSOR.layout.taxels // 2
+    own = math.erf(0.5 * pitch / (math.sqrt(2.0) * spread))
+    assert math.isclose(needle[middle], own**2, rel_tol=2e-3)  # pressures are drawn on a grid of 0.05 mm
+    assert math.isclose(
+        needle[[middle - 1, middle + 1]].sum(),
+        own * (math.erf(1.5 * pitch / math.sqrt(2.0) / spread) - own),
+        rel_tol=5e-3,
+    )
+
+
+def test_the_same_board_has_the_same_scans_and_another_has_others() -> None:
+    load = scenes()["tap"].load(SENSOR, "gauss", 1)
+    first, again, other = (Board(SENSOR, rows()["timing"].effects, seed).record(load, 5) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.counts, again.counts)
+    assert (first.counts[:1000] != other.counts[:1000]).any()
+
+
+@pytest.mark.parametrize("name", list(scenes()))
+def test_every_scene_begins_and_ends_at_rest(name: str) -> None:
+    scene = scenes()[name]
+    ends = [touch.force[-1][0] for touch in scene.touches]
+    assert min(touch.force[0][0] for touch in scene.touches) >= 2.0
+    assert scene.duration - max(ends) >= 5.0
+    assert all(touch.force[0][1] == touch.force[-1][1] == 0.0 for touch in scene.touches)
+
+
+def test_the_stand_presses_every_taxel() -> None:
+    load = programme(SENSOR).load(SENSOR, "gauss", 1)
+    assert (load.force.max(axis=0) > 0.2).all()
+    assert not load.force[:2000].any()
