@@ -219,21 +219,14 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """One array with its readout board: properties that stay from calibration to use.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor file.
-    effects : Effects
-        What the film and the board do.
-    seed : int
-        Number of the board: the same number has the same properties.
-    """
+    """One array with its readout board: properties that stay from calibration to use."""
 
     sensor: Sensor
+    """Sensor file."""
     effects: Effects
+    """What the film and the board do."""
     seed: int
+    """Number of the board: the same number has the same properties."""
     gain: Array = field(init=False)
     """Gains relative to nominal [1], shape [taxels]."""
     time_constant: Array = field(init=False)
