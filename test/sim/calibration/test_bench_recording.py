@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,10 +23,11 @@ from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
-from posfet_model.sensor.signal_chain import charge_per_newton
-from posfet_sim.calibration.bench_recording import COLUMNS, read_reference, read_scans
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, volts_per_count
+from posfet_sim.calibration.bench_recording import COLUMNS, Reference, Scans, combine, read_reference, read_scans
 from posfet_sim.calibration.simulated_bench import pressing_scene
 from posfet_sim.commands.calibrate import main
+from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
@@ -84,6 +86,31 @@ def test_calibration_on_a_rig_recovers_the_parameters_of_the_board(
     np.testing.assert_allclose(found.leak_time_constant, true.leak_time_constant, rtol=0.01)
     assert found.residuals is not None and found.residuals.force_rms < 5e-3
     assert found.residuals.samples > 0
+
+
+@pytest.mark.parametrize("slower", [0.93, 1.0, 1.08])
+@pytest.mark.parametrize("hum", [0.0, 50.0, 60.0])
+def test_the_delay_depends_neither_on_the_leakage_of_the_board_nor_on_hum(slower: float, hum: float) -> None:
+    """A force that leaks with another time constant than the nominal one, on the middle taxel; 5 mV of hum on all."""
+    step, taxels, rng = 1e-3, SENSOR.layout.taxels, np.random.default_rng(2)
+    time = step * np.arange(7_000)
+    knots = np.cumsum(np.tile([0.7, 0.1, 0.6, 0.1], 4))
+    force = np.interp(time, knots, np.tile([0.0, 2.0, 2.0, 0.0], 4))
+    kept = math.exp(-step / (slower * SENSOR.device.leak_time_constant))
+    signal = np.zeros((len(time), taxels))
+    for index, change in enumerate(np.diff(force).tolist()):
+        signal[index + 1, taxels // 2] = kept * signal[index, taxels // 2] + math.sqrt(kept) * change
+    chain, counts = InverseSignalChain(SENSOR), np.full(taxels, 0x8000, np.uint16)
+    low, high = (float(chain.charge(counts + each, np.empty(taxels))[0]) for each in (0, 1000))
+    counts_per_newton = 1000.0 * charge_per_newton(SENSOR) / (high - low)
+    noise = SENSOR.adc.noise * rng.standard_normal(signal.shape)
+    noise += (5e-3 * np.sin(2.0 * np.pi * hum * time))[:, np.newaxis]
+    counts = np.rint(0x8000 + counts_per_newton * signal + noise / volts_per_count(SENSOR)).astype(np.uint16)
+    readings = np.arange(0.0, time[-1], 0.005)
+    values = np.stack([0.0 * readings, 0.0 * readings, np.interp(readings, time, force)])
+    scans = Scans(time, counts, np.full(len(time), 25.0))
+    _, late = combine(SENSOR, scans, Reference(readings + LATE, values), Sphere(2e-3, 4e6))
+    assert late == pytest.approx(LATE, abs=0.03e-3)
 
 
 @pytest.mark.parametrize(

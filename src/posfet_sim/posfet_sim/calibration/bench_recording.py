@@ -9,13 +9,15 @@
 
 The frames are a file of `posfet can record`. The file of the rig has position and force of its ball over time; the
 force on each taxel follows from Hertz theory and the elastomer skin, as in a scene. The delay between the two clocks is
-estimated from the force that both measured; it must be below `MAX_DELAY`.
+estimated from the force that both measured, together with the leakage time constant of the board: a wrong one would
+look like a delay. It must be below `MAX_DELAY`.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import math
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -56,8 +58,14 @@ TAIL: Final = 4096
 MAX_DELAY: Final = 0.5
 """Maximum delay between the two clocks [s]."""
 
-SMOOTHING: Final = 0.01
-"""Averaging time of the rates before they are correlated [s]."""
+MAINS_PERIODS: Final = (1.0 / 50.0, 1.0 / 60.0)
+"""Averaging times of the rates before they are correlated [s]: periods of the mains, whose hum all taxels share."""
+
+LEAK_RANGE: Final = (0.5, 2.0)
+"""Range of the leakage time constant, over the nominal one [1]."""
+
+LEAK_STEP: Final = 1e-3
+"""Relative step to which it is found [1]: the delay is wrong by less than 5 us."""
 
 MIN_CORRELATION: Final = 0.5
 """Minimum correlation of the rates in the two files [1]."""
@@ -274,26 +282,91 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
 
 
 def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
-    """Return the delay of the reference [s], by cross-correlation of its rate with that of the measured force."""
+    """Return the delay of the reference [s], by correlation of the signal with what the force of the reference gives.
+
+    The leakage time constant is the one with which both correlate most.
+    """
     step = float(np.median(np.diff(scans.time)))
     grid = np.arange(scans.time[0], scans.time[-1], step)
     chain, scale, charge = InverseSignalChain(sensor), charge_per_newton(sensor), np.empty(sensor.layout.taxels)
     signal = np.array([float(chain.charge(counts, charge).sum()) / scale for counts in scans.counts])
-    signal = np.interp(grid, scans.time, signal)
-    measured = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * (step / sensor.device.leak_time_constant)
-    reference_rate = np.diff(np.interp(grid, reference.times, reference.values[2]))
-    window = np.ones(max(1, round(SMOOTHING / step)))
-    measured, reference_rate = (np.convolve(rate - rate.mean(), window, "same") for rate in (measured, reference_rate))
-    size = 1 << (2 * len(measured)).bit_length()
-    product = np.fft.rfft(reference_rate, size) * np.conj(np.fft.rfft(measured, size))
-    max_lag = min(round(MAX_DELAY / step), len(measured) - 1)
-    # Lags from -max_lag - 1 to max_lag + 1.
-    correlation = np.roll(np.fft.irfft(product, size), max_lag + 1)[: 2 * max_lag + 3]
-    best = int(correlation[1:-1].argmax()) + 1
-    if not correlation[best] > MIN_CORRELATION * np.linalg.norm(measured) * np.linalg.norm(reference_rate):
+    correlation = _Correlation(
+        _smoothed(np.diff(np.interp(grid, scans.time, signal)), step),
+        _smoothed(np.diff(np.interp(grid, reference.times, reference.values[2])), step),
+        step,
+    )
+    nominal = sensor.device.leak_time_constant
+    low, high = (math.log(limit * nominal) for limit in LEAK_RANGE)
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    lower, upper = (
+        correlation.best(math.exp(at)) for at in (high - golden * (high - low), low + golden * (high - low))
+    )
+    while high - low > LEAK_STEP:
+        if lower > upper:
+            high, upper = low + golden * (high - low), lower
+            lower = correlation.best(math.exp(high - golden * (high - low)))
+        else:
+            low, lower = high - golden * (high - low), upper
+            upper = correlation.best(math.exp(low + golden * (high - low)))
+    best, delay = max(lower, upper)
+    if not best > MIN_CORRELATION:
         raise ValueError(f"the reference does not match the recording within {MAX_DELAY:g} s: compare the clocks")
-    before, here, after = correlation[best - 1 : best + 2]
-    return step * float(best - max_lag - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
+    return delay
+
+
+def _smoothed(rate: Array, step: float) -> Array:
+    """Return the rate per step [N] without its mean, averaged over periods of the mains."""
+    rate = rate - rate.mean()
+    for period in MAINS_PERIODS:
+        scans = max(1, round(period / step))
+        rate = np.convolve(rate, np.full(scans, 1.0 / scans), "same")
+    return rate
+
+
+class _Correlation:
+    """Correlates the changes of a signal with those that a force gives, once it leaks.
+
+    Parameters
+    ----------
+    measured : ndarray
+        Change of the signal in each step [N], shape [steps].
+    rate : ndarray
+        Change of the force in each step [N], shape [steps].
+    step : float
+        Step [s].
+    """
+
+    def __init__(self, measured: Array, rate: Array, step: float) -> None:
+        self._step, self._size = step, 1 << (2 * len(measured)).bit_length()
+        self._measured = np.conj(np.fft.rfft(measured, self._size))
+        self._norm = float(np.linalg.norm(measured))
+        self._rate = np.fft.rfft(rate, self._size)
+        self._before = np.exp(-2j * np.pi * np.fft.rfftfreq(self._size))
+        """What delays by a step."""
+        self._lags = min(round(MAX_DELAY / step), len(measured) - 1)
+
+    def best(self, time_constant: float) -> tuple[float, float]:
+        """Return the greatest correlation [1] of all delays within `MAX_DELAY`, and its delay [s].
+
+        Parameters
+        ----------
+        time_constant : float
+            Leakage time constant [s].
+        """
+        # The force is linear within a step: signal[n] = kept*signal[n-1] + time_constant/step*(1 - kept)*rate[n].
+        kept = math.exp(-self._step / time_constant)
+        leaking = (time_constant / self._step * (1.0 - kept)) * (1.0 - self._before) / (1.0 - kept * self._before)
+        expected = leaking * self._rate
+        norm = self._norm * float(np.linalg.norm(np.fft.irfft(expected, self._size)))
+        if norm == 0.0:
+            return 0.0, 0.0
+        # Lags from -self._lags - 1 to self._lags + 1.
+        around = np.roll(np.fft.irfft(expected * self._measured, self._size), self._lags + 1)[: 2 * self._lags + 3]
+        at = int(around[1:-1].argmax()) + 1
+        before, here, after = around[at - 1 : at + 2].tolist()
+        bend = before - 2.0 * here + after
+        fine = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+        return (here + 0.25 * (after - before) * fine) / norm, self._step * (at - self._lags - 1 + fine)
 
 
 def _forces(sensor: Sensor, time: Array, reference: Reference, ball: Sphere) -> Array:
