@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from posfet_model._lib.types import Array, Mask
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.grid import CORNER_NEIGHBOURS, neighbour_table
+from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
 
 
 class NeighbourInterpolation:
@@ -34,8 +35,10 @@ class NeighbourInterpolation:
         self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
-    def interpolate(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
-        """Return the forces [N] of the `wanted` taxels as their neighbours predict them.
+    def interpolate(
+        self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float, most_x: float, most_y: float
+    ) -> tuple[Array, Array]:
+        """Return the forces [N] of the `wanted` taxels as their neighbours predict them, and their deviations [N].
 
         Parameters
         ----------
@@ -47,12 +50,16 @@ class NeighbourInterpolation:
             Indices of the taxels to interpolate, shape [wanted].
         floor : float
             Smaller forces count as this one [N].
+        most_x, most_y : float
+            Greatest force over that of a neighbour along a row, and along a column [1].
 
         Returns
         -------
-        ndarray
+        force : ndarray
             Forces [N], shape [wanted]. 0 where no known neighbour exceeds `floor`. NaN where every square of a taxel
             contains an `unknown` one or leaves the array.
+        deviation : ndarray
+            Standard uncertainty of each [N], shape [wanted].
         """
         horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -61,11 +68,18 @@ class NeighbourInterpolation:
             weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
             weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
             estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
+            errors = (weight / horizontal) ** 2 + (weight / vertical) ** 2 + (weight / diagonal) ** 2
+            variance = np.add.reduce(np.where(informative, errors, 0.0), axis=1)
+            variance *= (floor / np.add.reduce(weight, axis=1)) ** 2
+            most = np.fmax.reduce(np.fmax(most_x * horizontal, most_y * vertical), axis=1)
+        relative = np.sqrt(INTERPOLATION_UNCERTAINTY**2 + variance)
+        limited = estimate > most
+        estimate[limited], relative[limited] = most[limited], 1.0
         largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
-        estimate[largest <= floor] = 0.0
-        return estimate
+        estimate[largest <= floor] = relative[largest <= floor] = 0.0
+        return estimate, estimate * relative
 
-    def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
+    def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: Array | float) -> Array:
         """Return the smallest force [N] that any square of each `wanted` taxel predicts.
 
         A square is informative when its other three taxels are known and at least `floor`. All squares that lie on the
@@ -79,8 +93,8 @@ class NeighbourInterpolation:
             Mask of the taxels whose force is not to be used, shape [rows * cols].
         wanted : ndarray
             Indices of the taxels to bound, shape [wanted].
-        floor : float
-            Force from which a taxel is informative [N].
+        floor : ndarray or float
+            Force from which each taxel is informative [N].
 
         Returns
         -------
@@ -89,11 +103,16 @@ class NeighbourInterpolation:
         """
         horizontal, vertical, diagonal = self._squares(force, unknown, wanted, 0.0)
         inside = self._inside.take(wanted, axis=0)
-        informative = np.minimum(np.minimum(horizontal, vertical), diagonal) >= floor  # False for NaN
+        least = np.append(np.broadcast_to(floor, len(force)), 0.0)
+        informative = np.ones_like(inside)
+        for values, table in (
+            (horizontal, self._horizontal), (vertical, self._vertical), (diagonal, self._diagonal)
+        ):  # fmt: skip
+            informative &= values >= least.take(table.take(wanted, axis=0))  # False for NaN
         bounded = (informative | ~inside).all(axis=1) & inside.any(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            values = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
-        return np.where(bounded, values, 0.0)
+            forces = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
+        return np.where(bounded, forces, 0.0)
 
     def _squares(
         self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float

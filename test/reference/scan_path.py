@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
+from posfet_model.sensor.neighbour_estimate import most_over_neighbours
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import InverseSignalChain, force_noise_rms
 from reference.bursts import BurstDetector
@@ -71,11 +71,11 @@ class ScanPath:
         self._offset, self.hum, self.integration, self._informative = offset, hum, integration, informative
         self.finder, self.tracker = detection.ContactFinder(sensor), tracker.ContactTracker(sensor)
         self.channel = slip.DynamicChannel(sensor.layout, force_noise_rms(sensor))
-        self._neighbours = NeighbourInterpolation(sensor.layout)
+        self._neighbours, self._most = NeighbourInterpolation(sensor.layout), most_over_neighbours(sensor)
         self.history: list[tuple[NDArray[np.uint16], bool]] = []
         self._history = history
         self.vibration_wanted = self.blank = False
-        self.charge, self._variance, self.filled = np.zeros((3, taxels))
+        self.charge, self._variance, self.filled, self.filled_deviation = np.zeros((4, taxels))
         self.saturated, self.interpolated, self._unlisted = np.zeros((3, taxels), np.bool_)
         self._implausible, self.result = 0, (False, False, False, 0, 0)
         self.contacts: tuple[Any, ...] = ()
@@ -84,6 +84,7 @@ class ScanPath:
     def set_faulty(self, unlisted: Mask, interpolated: Mask) -> None:
         """Set the faulty taxels, and those among them that are interpolated."""
         self.filled[interpolated & ~self.interpolated] = 0.0
+        self.filled_deviation[interpolated & ~self.interpolated] = 0.0
         self._unlisted, self.interpolated = unlisted, interpolated
 
     def set_variance(self, variance: Array) -> None:
@@ -165,12 +166,15 @@ class ScanPath:
         integration, interpolated = self.integration, self.interpolated
         force, variance = integration.force, self._variance
         if interpolated.any():
-            force = self.filled
+            force, deviation = self.filled, self.filled_deviation
+            deviation[:] = 0.0
             force[:] = np.where(interpolated, 0.0, integration.force)
             if self.finder.find(force):
                 unknown, wanted = interpolated | ~integration.offset_known, interpolated.nonzero()[0]
-                force[wanted] = self._neighbours.interpolate(force, unknown, wanted, self._informative)
-            variance = np.where(interpolated, (INTERPOLATION_UNCERTAINTY * force) ** 2, variance)
+                force[wanted], deviation[wanted] = self._neighbours.interpolate(
+                    force, unknown, wanted, self._informative, *self._most
+                )
+            variance = np.where(interpolated, deviation**2, variance)
         regions = self.finder.find(force)
         if regions or self.vibration_wanted:
             self.channel.advance(integration.change, step)

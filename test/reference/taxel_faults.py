@@ -214,7 +214,8 @@ class TaxelFaultDetector:
         stuck |= self._alone_for >= self._settings.confirm
         if self._period_over:
             self._test_noise(saturated)
-            self._test_response(force, offset_known)
+            variance = self._with_shown_errors(force, variance, offset_known)
+            self._test_response(force, variance, offset_known)
             self._test_alone(force, variance, offset_known)
             self._start_period()
         self._last = max(self._filled - 1, 0)
@@ -345,15 +346,26 @@ class TaxelFaultDetector:
         whole = close[2:] & close[1:-1]
         return second if whole.all() else second[whole]
 
-    def _test_response(self, force: NDArray[np.float64], offset_known: NDArray[np.bool_]) -> None:
+    def _with_shown_errors(
+        self, force: NDArray[np.float64], variance: NDArray[np.float64], offset_known: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Return the variance of each force [N2] with what negative forces show of the errors around it."""
+        shows = offset_known & ~self.faulty & (force < -self._settings.certainty * np.sqrt(variance))
+        shown = np.where(shows, -force, 0.0)
+        return variance + np.maximum(shown, self.surroundings.max_neighbour(shown)) ** 2
+
+    def _test_response(
+        self, force: NDArray[np.float64], variance: NDArray[np.float64], offset_known: NDArray[np.bool_]
+    ) -> None:
         """Find by the mean force of the last block [N] the dead taxels, and the dead ones that respond again."""
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
         if not any_true(force >= load):
             self._dead[:] = self._alive[:] = False
             return
-        least = self.surroundings.lower_bound(force, self.faulty | ~offset_known, self._all, self._informative)
-        loaded = (least >= load) & offset_known
+        floor = np.maximum(self._informative, s.certainty * np.sqrt(variance))
+        least = self.surroundings.lower_bound(force, self.faulty | ~offset_known, self._all, floor)
+        loaded = (least >= np.maximum(load, floor)) & offset_known
         silent = loaded & (np.abs(force) < s.dead * least)
         self._silent_for = np.where(silent, self._silent_for + duration, np.where(loaded, 0.0, self._silent_for))
         responding = loaded & (force > 0.5 * least)

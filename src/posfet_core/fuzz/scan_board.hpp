@@ -149,7 +149,8 @@ struct Board {
     // One volt for each newton.
     const InverseSignalChain chain{
         -32768.0 / kCountsPerNewton, 1.0 / kCountsPerNewton, 1.0, 0.0, kChargePerNewton, 300, 65200};
-    path = std::make_shared<ScanPath>(parts, chain, std::vector<double>(taxels, 1e-9), 5.0 * kNoise);
+    path = std::make_shared<ScanPath>(parts, chain, std::vector<double>(taxels, 1e-9),
+                                      InterpolationLimits{5.0 * kNoise, 7.5, 7.5});
     block_end =
         std::make_shared<BlockEnd>(path, BlockParts{estimator, faults, bursts, hum, finder}, 2, 0.2 * kThreshold);
     reconstructor = std::make_unique<Reconstructor>(path, block_end);

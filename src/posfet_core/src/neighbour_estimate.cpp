@@ -26,6 +26,12 @@ struct Square {
 
   double prediction() const { return horizontal * vertical / diagonal; }
   double smallest() const { return minimum(minimum(horizontal, vertical), diagonal); }
+
+  /// Variance of the logarithm of its prediction, weighted by its smallest force, after an error of 1 N in each force.
+  double weighted_variance() const {
+    const double least = smallest();
+    return square(least / horizontal) + square(least / vertical) + square(least / diagonal);
+  }
 };
 
 /// The four squares of a taxel, by their neighbours in `Grid::kOffsets`.
@@ -49,34 +55,54 @@ std::array<Square, 4> squares(const Grid& grid, const double* force, const bool*
 
 }  // namespace
 
-double neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
+                                          const InterpolationLimits& limits) {
   double weighted = 0.0;
   double total = 0.0;
+  double variance = 0.0;
   double largest = kUnknown;
-  for (const Square& square : squares(grid, force, unknown, taxel, floor)) {
-    const double logarithm = std::log(square.prediction());
+  double most = kUnknown;
+  for (const Square& each : squares(grid, force, unknown, taxel, limits.floor)) {
+    const double logarithm = std::log(each.prediction());
     if (std::isfinite(logarithm)) {
-      weighted += square.smallest() * logarithm;
-      total += square.smallest();
+      weighted += each.smallest() * logarithm;
+      total += each.smallest();
+      variance += each.weighted_variance();
     }
-    largest = std::fmax(largest, maximum(square.horizontal, square.vertical));
+    largest = std::fmax(largest, maximum(each.horizontal, each.vertical));
+    most = std::fmax(most, std::fmax(limits.most_x * each.horizontal, limits.most_y * each.vertical));
   }
-  return largest <= floor ? 0.0 : std::exp(weighted / total);
+  if (largest <= limits.floor) {
+    return {0.0, 0.0};
+  }
+  const double found = std::exp(weighted / total);
+  if (found > most) {
+    return {most, most};
+  }
+  const double relative = square(kInterpolationUncertainty) + variance * square(limits.floor / total);
+  return {found, found * std::sqrt(relative)};
 }
 
-double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
+                             const double* floor) {
+  const auto& around = grid.neighbours(taxel);
   double least = std::numeric_limits<double>::infinity();
   bool any = false;
-  for (const Square& square : squares(grid, force, unknown, taxel, 0.0)) {
-    if (!square.inside) {
+  const std::array<Square, 4> found = squares(grid, force, unknown, taxel, 0.0);
+  for (std::size_t index = 0; index < found.size(); ++index) {
+    const Square& each = found[index];
+    if (!each.inside) {
       continue;
     }
-    const bool informative = square.smallest() >= floor;
+    const auto& [horizontal, vertical, diagonal] = kSquares[index];
+    const auto least_of = [&](std::size_t place) { return floor == nullptr ? 0.0 : floor[around[place]]; };
+    const bool informative = each.horizontal >= least_of(horizontal) && each.vertical >= least_of(vertical) &&
+                             each.diagonal >= least_of(diagonal);
     if (!informative) {
       return 0.0;
     }
     any = true;
-    least = minimum(least, square.prediction());
+    least = minimum(least, each.prediction());
   }
   return any ? least : 0.0;
 }

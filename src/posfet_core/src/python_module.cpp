@@ -213,7 +213,7 @@ void bind_slip(const py::module_& module) {
 /// What a function of neighbour_estimate.hpp gives for each of some taxels.
 template <typename Estimate>
 py::array_t<double> estimates(Estimate estimate, const Grid& grid, const Values& force, const Tested& unknown,
-                              const Indices& wanted, double floor) {
+                              const Indices& wanted) {
   const double* forces = values_of(force, grid.taxels(), "force");
   require_taxels(unknown, grid.taxels(), "unknown");
   py::array_t<double> found(wanted.size());
@@ -222,7 +222,7 @@ py::array_t<double> estimates(Estimate estimate, const Grid& grid, const Values&
     if (taxel < 0 || taxel >= grid.taxels()) {
       throw py::index_error("wanted must have indices of taxels");
     }
-    found.mutable_data()[index] = estimate(grid, forces, unknown.data(), taxel, floor);
+    found.mutable_data()[index] = estimate(forces, unknown.data(), taxel);
   }
   return found;
 }
@@ -232,15 +232,30 @@ void bind_neighbours(const py::module_& module) {
       .def(py::init<const Layout&>(), py::arg("layout"))
       .def(
           "interpolate",
-          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
-            return estimates(neighbour_interpolation, grid, force, unknown, wanted, floor);
+          [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor,
+             double most_x, double most_y) {
+            const InterpolationLimits limits{floor, most_x, most_y};
+            py::array_t<double> deviation(wanted.size());
+            double* next = deviation.mutable_data();
+            const auto estimate = [&](const double* forces, const bool* hidden, Taxel taxel) {
+              const NeighbourEstimate found = neighbour_interpolation(grid, forces, hidden, taxel, limits);
+              *next++ = found.deviation;
+              return found.force;
+            };
+            const py::array_t<double> found = estimates(estimate, grid, force, unknown, wanted);
+            return py::make_tuple(found, deviation);
           },
-          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
-          "Return the forces [N] of the wanted taxels as their neighbours predict them.")
+          py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"), py::arg("most_x"),
+          py::arg("most_y"),
+          "Return the forces [N] of the wanted taxels as their neighbours predict them, and their deviations [N].")
       .def(
           "lower_bound",
           [](const Grid& grid, const Values& force, const Tested& unknown, const Indices& wanted, double floor) {
-            return estimates(neighbour_lower_bound, grid, force, unknown, wanted, floor);
+            const std::vector<double> floors(static_cast<std::size_t>(grid.taxels()), floor);
+            const auto estimate = [&](const double* forces, const bool* hidden, Taxel taxel) {
+              return neighbour_lower_bound(grid, forces, hidden, taxel, floors.data());
+            };
+            return estimates(estimate, grid, force, unknown, wanted);
           },
           py::arg("force"), py::arg("unknown"), py::arg("wanted"), py::arg("floor"),
           "Return the smallest force [N] that any square of each wanted taxel predicts.")

@@ -59,7 +59,7 @@ void bind_path(const py::module_& module) {
                        std::shared_ptr<ContactFinder> finder, std::shared_ptr<ContactTracker> tracker,
                        std::shared_ptr<DynamicChannel> channel, double volts_of_zero, double volts_per_count,
                        double gain, double amplifier_offset, double capacitance, int saturated_low, int saturated_high,
-                       const Values& offset, double informative) {
+                       const Values& offset, double informative, double most_x, double most_y) {
              ScanParts parts{std::move(clock),  std::move(crosstalk),   std::move(bursts),
                              std::move(hum),    std::move(integration), std::move(history),
                              std::move(finder), std::move(tracker),     std::move(channel)};
@@ -67,13 +67,13 @@ void bind_path(const py::module_& module) {
                  std::move(parts),
                  InverseSignalChain{volts_of_zero, volts_per_count, gain, amplifier_offset, capacitance, saturated_low,
                                     saturated_high},
-                 vector_of(offset), informative);
+                 vector_of(offset), InterpolationLimits{informative, most_x, most_y});
            }),
            py::kw_only(), py::arg("clock"), py::arg("crosstalk"), py::arg("bursts"), py::arg("hum"),
            py::arg("integration"), py::arg("history"), py::arg("finder"), py::arg("tracker"), py::arg("channel"),
            py::arg("volts_of_zero"), py::arg("volts_per_count"), py::arg("gain"), py::arg("amplifier_offset"),
            py::arg("capacitance"), py::arg("saturated_low"), py::arg("saturated_high"), py::arg("offset"),
-           py::arg("informative"))
+           py::arg("informative"), py::arg("most_x"), py::arg("most_y"))
       .def(
           "receive", [](ScanPath& path, const py::object& scan) { return path.receive(PythonScan(scan).scan()); },
           py::arg("scan"), "Take a scan; return whether it is neither duplicate nor late.")
@@ -105,6 +105,13 @@ void bind_path(const py::module_& module) {
       .def_property_readonly(
           "interpolated", [](const py::object& self) { return view_of(self.cast<ScanPath&>().interpolated(), self); },
           "Faulty taxels whose forces are interpolated.")
+      .def_property_readonly(
+          "filled_deviation",
+          [](const py::object& self) {
+            auto& path = self.cast<ScanPath&>();
+            return view_of(path.filled_deviation().data(), {static_cast<py::ssize_t>(path.taxels())}, self);
+          },
+          "Standard uncertainty of each interpolated force [N]; up to date while there are such.")
       .def_property_readonly(
           "filled",
           [](const py::object& self) {

@@ -179,7 +179,7 @@ bool SaddleFinder::has_one_peak(const Taxels& region, const double* force) const
 /// Whether one of the taxels lacks its force because it is faulty.
 bool SaddleFinder::has_hole(const Taxels& members, const double* force) const {
   return std::any_of(members.begin(), members.end(), [&](Taxel taxel) {
-    const double least = neighbour_lower_bound(grid_, force, nullptr, taxel, 0.0);
+    const double least = neighbour_lower_bound(grid_, force, nullptr, taxel, nullptr);
     return least > 2.0 * threshold_ && force[taxel] < kHole * least;
   });
 }

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "posfet_core/neighbour_estimate.hpp"
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -29,16 +30,18 @@ bool fit_together(const ScanParts& parts, std::size_t taxels) {
 
 }  // namespace
 
-ScanPath::ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector<double> offset, double informative)
+ScanPath::ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector<double> offset,
+                   const InterpolationLimits& interpolation)
     : parts_(std::move(parts)),
       chain_(chain),
       offset_(std::move(offset)),
       any_offset_(std::any_of(offset_.begin(), offset_.end(), [](double each) { return each != 0.0; })),
-      informative_(informative),
+      interpolation_(interpolation),
       counts_(offset_.size()),
       charge_(offset_.size()),
       saturated_(offset_.size()),
       filled_(offset_.size()),
+      filled_deviation_(offset_.size()),
       unlisted_(offset_.size()),
       interpolated_(offset_.size()),
       unknown_(offset_.size()),
@@ -70,7 +73,7 @@ void ScanPath::set_faulty(const bool* unlisted, const bool* interpolated) {
     unlisted_[taxel] = any_unlisted_ && unlisted[taxel];
     const bool now = any_unlisted_ && interpolated[taxel];
     if (now && !interpolated_[taxel]) {
-      filled_[taxel] = 0.0;  // until the next scan
+      filled_[taxel] = filled_deviation_[taxel] = 0.0;  // until the next scan
     }
     interpolated_[taxel] = now;
     any_interpolated_ = any_interpolated_ || now;
@@ -197,6 +200,7 @@ std::size_t ScanPath::find_with_faulty() {
   const ForceIntegration::State& state = parts_.integration->state();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     filled_[taxel] = interpolated_[taxel] ? 0.0 : state.force[taxel];
+    filled_deviation_[taxel] = 0.0;
   }
   const std::size_t regions = parts_.finder->find(filled_.data());
   if (regions == 0) {
@@ -208,8 +212,10 @@ std::size_t ScanPath::find_with_faulty() {
   // Those that are interpolated are unknown, and so no value of one depends on another.
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (interpolated_[taxel]) {
-      filled_[taxel] = neighbour_interpolation(parts_.finder->grid(), filled_.data(), unknown_.data(),
-                                               static_cast<Taxel>(taxel), informative_);
+      const NeighbourEstimate found = neighbour_interpolation(parts_.finder->grid(), filled_.data(), unknown_.data(),
+                                                              static_cast<Taxel>(taxel), interpolation_);
+      filled_[taxel] = found.force;
+      filled_deviation_[taxel] = found.deviation;
     }
   }
   return parts_.finder->find(filled_.data());
@@ -227,8 +233,7 @@ const ForceEstimate& ScanPath::estimate() {
   scan_estimate_.interpolated = any_interpolated_ ? interpolated_.data() : nullptr;
   scan_estimate_.saturated = saturated_now_ > 0 ? saturated_.data() : nullptr;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double deviation = kInterpolationUncertainty * filled_[taxel];
-    scan_variance_[taxel] = interpolated_[taxel] ? deviation * deviation : variance_[taxel];
+    scan_variance_[taxel] = interpolated_[taxel] ? square(filled_deviation_[taxel]) : variance_[taxel];
   }
   return scan_estimate_;
 }

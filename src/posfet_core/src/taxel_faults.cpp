@@ -54,7 +54,7 @@ TaxelFaultDetector::TaxelFaultDetector(const SkinResponse& skin, const TaxelFigu
     status_[taxel] = known_dead_[taxel] ? TaxelStatus::kDead : TaxelStatus::kOk;
   }
   for (auto* values : {&usual_change_, &run_, &run_time_, &noisy_for_, &quiet_for_, &alone_for_, &silent_for_,
-                       &responding_for_, &values_, &others_, &square_}) {
+                       &responding_for_, &values_, &others_, &square_, &variance_}) {
     values->assign(count, 0.0);
   }
   for (auto* flags :
@@ -91,8 +91,9 @@ bool TaxelFaultDetector::close_block(const TestedBlock& block, const Mask& touch
   }
   if (is_period_over()) {
     test_noise(block.saturated);
+    find_shown_errors(block);
     test_response(block.force, block.offset_known);
-    test_alone(block.force, block.variance, block.offset_known);
+    test_alone(block.force, block.offset_known);
     end_period();
   }
   end_block();
@@ -287,6 +288,21 @@ void TaxelFaultDetector::compare_with_neighbours(double usual, const double* now
   }
 }
 
+/// Find the variance of each force with what negative forces show of the errors around it: no touch makes such forces,
+/// so that what makes them, as warmth of the film, may have made other forces small.
+void TaxelFaultDetector::find_shown_errors(const TestedBlock& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double force = block.force[taxel];
+    const bool shows =
+        block.offset_known[taxel] && !faulty_[taxel] && force < -kHeldCertainty * std::sqrt(block.variance[taxel]);
+    values_[taxel] = shows ? -force : 0.0;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double around = largest_neighbour(skin_.grid(), values_.data(), static_cast<Taxel>(taxel));
+    variance_[taxel] = block.variance[taxel] + square(maximum(values_[taxel], around));
+  }
+}
+
 /// Find by the mean force of the last block [N] the dead taxels, and the dead ones that respond again.
 void TaxelFaultDetector::test_response(const double* force, const bool* offset_known) {
   const std::size_t count = taxels();
@@ -298,11 +314,12 @@ void TaxelFaultDetector::test_response(const double* force, const bool* offset_k
   }
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
     flags_[taxel] = faulty_[taxel] || !offset_known[taxel];
+    values_[taxel] = maximum(kInformative * figures_.noise, kHeldCertainty * std::sqrt(variance_[taxel]));
   }
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
-    const double least = neighbour_lower_bound(skin_.grid(), force, flags_.data(), static_cast<Taxel>(taxel),
-                                               kInformative * figures_.noise);
-    const bool loaded = least >= load && offset_known[taxel];
+    const double least =
+        neighbour_lower_bound(skin_.grid(), force, flags_.data(), static_cast<Taxel>(taxel), values_.data());
+    const bool loaded = least >= maximum(load, values_[taxel]) && offset_known[taxel];
     const bool silent = loaded && std::abs(force[taxel]) < kDeadShare * least;
     const bool responding = loaded && force[taxel] > 0.5 * least;
     silent_for_[taxel] = lasted(silent_for_[taxel], silent, loaded, elapsed_);
@@ -317,7 +334,7 @@ void TaxelFaultDetector::test_response(const double* force, const bool* offset_k
 
 /// Update how long taxels have held a force that their neighbours contradict, by the mean of the last block [N]. Such
 /// taxels failed while they were pressed, or their signal is not that of a force.
-void TaxelFaultDetector::test_alone(const double* force, const double* variance, const bool* offset_known) {
+void TaxelFaultDetector::test_alone(const double* force, const bool* offset_known) {
   TaxelFlags& sound = flags_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     sound[taxel] = offset_known[taxel] && !faulty_[taxel];
@@ -328,7 +345,7 @@ void TaxelFaultDetector::test_alone(const double* force, const double* variance,
     const auto contradicts = [&](const double* variances, double certainty) {
       return skin_.test(static_cast<Taxel>(taxel), force, variances, sound.data(), certainty, false).contradicted;
     };
-    const bool alone = forced && touched_[taxel] && sound[taxel] && contradicts(variance, kHeldCertainty);
+    const bool alone = forced && touched_[taxel] && sound[taxel] && contradicts(variance_.data(), kHeldCertainty);
     alone_for_[taxel] = alone ? alone_for_[taxel] + elapsed_ : 0.0;
     // Of the mean of a block, the noise of a noisy taxel is a small part.
     contradicted_[taxel] = forced && status_[taxel] == TaxelStatus::kNoisy && contradicts(values_.data(), 0.0);

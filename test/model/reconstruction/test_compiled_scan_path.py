@@ -27,6 +27,7 @@ from posfet_model.reconstruction.bursts import BurstDetector
 from posfet_model.reconstruction.scan_clock import ScanClock
 from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.neighbour_estimate import most_over_neighbours
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import (
     InverseSignalChain,
@@ -166,6 +167,7 @@ class Both:
         inverse, self.history, self.clock = InverseSignalChain(sensor), CountHistory(HISTORY, taxels), ScanClock(sensor)
         self._bursts, self.finder = BurstDetector(sensor), ContactFinder(sensor)
         self.channel = DynamicChannel(sensor.layout, noise)
+        most_x, most_y = most_over_neighbours(sensor)
         self.compiled = ScanPath(
             clock=self.clock,
             crosstalk=CrosstalkCompensator(sensor.layout, story.share),
@@ -185,6 +187,8 @@ class Both:
             saturated_high=inverse.saturated_counts[1],
             offset=offset,
             informative=5.0 * noise,
+            most_x=most_x,
+            most_y=most_y,
         )
         self.plain = scan_path.ScanPath(
             sensor, story.share, offset, self.hums[1], self.integrations[1], HISTORY, 5.0 * noise
@@ -263,6 +267,7 @@ class Both:
         np.testing.assert_allclose(self.channel.power, plain.channel.power, **TOLERANCE)
         if compiled.interpolated.any():
             np.testing.assert_allclose(compiled.filled, plain.filled, **TOLERANCE)
+            np.testing.assert_allclose(compiled.filled_deviation, plain.filled_deviation, **TOLERANCE)
 
     def _compare_hum(self) -> None:
         mine, other = self.hums

@@ -23,7 +23,11 @@ from posfet_core.scan_path import DEAD_SHARE
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector, TaxelStatus, longest_run
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY, NeighbourInterpolation
+from posfet_model.sensor.neighbour_estimate import (
+    INTERPOLATION_UNCERTAINTY,
+    NeighbourInterpolation,
+    most_over_neighbours,
+)
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
@@ -169,7 +173,7 @@ def test_interpolated_force_is_within_the_stated_uncertainty() -> None:
         x, y = rng.uniform(-3e-3, 3e-3, 2)
         force = sphere(x, y, 1.5, rng.choice([1.5e-3, 6e-3]), 2e6)
         read = force * rng.normal(1.0, 0.05, 25) + rng.normal(0, 0.35e-3, 25)
-        estimate = surroundings.interpolate(read, none, np.arange(25), 1.7e-3)
+        estimate, _ = surroundings.interpolate(read, none, np.arange(25), 1.7e-3, *most_over_neighbours(SENSOR))
         pressed = force > SENSOR.contact.threshold
         errors += (estimate[pressed] / force[pressed] - 1.0).tolist()
     assert len(errors) > 200
@@ -333,6 +337,46 @@ def test_scans_lost_while_charge_leaks_make_no_taxel_noisy(lost: int) -> None:
         if not first <= round(time * 1000) < first + lost:
             reconstructor.process(scan)
             assert reconstructor.faulty == 0, f"{time:g} s"
+
+
+WARMED_ALONE = [
+    [0, 1, 0, 0, 0],
+    [0, 0, 0, 0, 0],
+    [-6, 1, -3, 0, 0],
+    [-4, 94, -8, 0, 0],
+    [-2, -9, -1, 0, 0],
+]
+"""Mean forces under an object that warms the film [mN]: taxel 16 has 157 mN, those around it 41, 53, 15 and 11 mN."""
+WARMED_CORNER = [
+    [-14, 65, 55, -17, -18],
+    [106, 146, 43, 28, -15],
+    [166, 225, 58, 35, 47],
+    [63, 4, 15, 44, 40],
+    [-3, 8, -14, -11, -13],
+]
+"""Mean forces after several such touches [mN]: taxels 15 and 16 of the square of taxel 20 have 36 and 51 mN."""
+
+
+@pytest.mark.parametrize(
+    ("forces", "taxel", "deviation", "fault"),
+    [(WARMED_ALONE, 16, 0.5e-3, TaxelStatus.STUCK), (WARMED_CORNER, 20, 10e-3, TaxelStatus.DEAD)],
+)
+@pytest.mark.parametrize("warm", [False, True])
+def test_neighbours_that_may_be_warm_contradict_no_taxel(
+    forces: list[list[int]], taxel: int, deviation: float, fault: TaxelStatus, warm: bool
+) -> None:
+    """The same forces without negative ones and as certain as at rest are those of a faulty taxel."""
+    force = 1e-3 * np.array(forces, np.float64).ravel()
+    if not warm:
+        force, deviation = np.where(force < 0.0, 0.0, force), 0.5e-3
+    detector, random, none = TaxelFaultDetector(SENSOR), np.random.default_rng(3), np.zeros(25, np.bool_)
+    noise = SENSOR.adc.noise / volts_per_count(SENSOR)
+    for _ in range(30):
+        for _ in range(20):
+            detector.history.add(np.rint(REST + random.normal(0.0, noise, 25)).astype(np.uint16), True)
+        variance = np.full(25, deviation**2)
+        detector.close_block(0.02, force, variance, 0.0 * force, none, force > 0.02, ~none)
+    assert detector.status[taxel] == (TaxelStatus.OK if warm else fault)
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -18,10 +18,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posfet_model.sensor.description import load_sensor
-from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
+from posfet_model.sensor.neighbour_estimate import (
+    INTERPOLATION_UNCERTAINTY,
+    NeighbourInterpolation,
+    most_over_neighbours,
+)
 from reference import neighbour_estimate as reference
+from reference.dense_pressure import sphere_forces
 
-LAYOUT = load_sensor().layout
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
 
 
 @given(
@@ -38,9 +44,10 @@ def test_estimates_equal_those_of_the_reference(rows: int, cols: int, seed: int,
     force *= random.uniform(-0.2, 1.0, layout.taxels)
     force += 0.0  # no -0.0: NumPy does not say which zero is the greater one
     hidden, wanted = random.random(layout.taxels) < unknown, random.permutation(layout.taxels)[: 1 + seed % 50]
-    for name in ("interpolate", "lower_bound"):
-        found = getattr(compiled, name)(force, hidden, wanted, floor)
-        np.testing.assert_allclose(found, getattr(plain, name)(force, hidden, wanted, floor), rtol=1e-12, atol=1e-12)
+    for name, more in (("interpolate", random.choice([0.5, 3.0, 7.5, math.inf], 2).tolist()), ("lower_bound", [])):
+        found = getattr(compiled, name)(force, hidden, wanted, floor, *more)
+        expected = getattr(plain, name)(force, hidden, wanted, floor, *more)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(compiled.max_neighbour(force), plain.max_neighbour(force))
 
 
@@ -48,4 +55,34 @@ def test_a_taxel_that_does_not_exist_is_refused() -> None:
     none = np.zeros(LAYOUT.taxels, np.bool_)
     for taxel in (-1, LAYOUT.taxels):
         with pytest.raises(IndexError, match="wanted must have indices of taxels"):
-            NeighbourInterpolation(LAYOUT).interpolate(np.zeros(LAYOUT.taxels), none, [taxel], 0.0)
+            NeighbourInterpolation(LAYOUT).interpolate(np.zeros(LAYOUT.taxels), none, [taxel], 0.0, math.inf, math.inf)
+
+
+def test_a_corner_is_limited_to_what_a_point_load_on_it_would_let_its_neighbours_feel() -> None:
+    force = np.zeros(LAYOUT.taxels)
+    force[[1, LAYOUT.cols]] = 44e-3, 58e-3
+    none, most = np.zeros(LAYOUT.taxels, np.bool_), most_over_neighbours(SENSOR)
+    assert most == pytest.approx((1.0 / 0.1338, 1.0 / 0.1338), rel=1e-3)
+    [found], [deviation] = NeighbourInterpolation(LAYOUT).interpolate(force, none, [0], 1.7e-3, *most)
+    assert found == pytest.approx(58e-3 * most[1])  # 44 mN * 58 mN / 1.7 mN are 1.5 N
+    assert deviation == found
+    force[LAYOUT.cols + 1] = 30e-3
+    [found], [deviation] = NeighbourInterpolation(LAYOUT).interpolate(force, none, [0], 1.7e-3, *most)
+    assert found == pytest.approx(44e-3 * 58e-3 / 30e-3)
+    errors = np.hypot.reduce([INTERPOLATION_UNCERTAINTY, 1.7 / 44.0, 1.7 / 58.0, 1.7 / 30.0])
+    assert deviation == pytest.approx(found * errors)
+
+
+def test_an_extrapolation_is_about_as_uncertain_as_it_is_large() -> None:
+    random, surroundings, none = np.random.default_rng(5), NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
+    cells, pitch, spread = np.arange(25), LAYOUT.pitch_x, SENSOR.device.contact_spread
+    errors: list[float] = []
+    for _ in range(240):  # half of them beside the centres of the outermost cells
+        x, y = random.uniform(-4e-3, 4e-3, 2)
+        force = sphere_forces(x, y, random.choice([0.1, 0.5]), random.choice([1.5e-3, 6e-3]), 2e6, spread, pitch, 5)
+        read = force * random.normal(1.0, 0.05, 25) + random.normal(0.0, 0.35e-3, 25)
+        found, deviation = surroundings.interpolate(read, none, cells, 1.7e-3, *most_over_neighbours(SENSOR))
+        counts = (found > SENSOR.contact.threshold) & (deviation > 0.5 * found)
+        errors += ((found - force)[counts] / deviation[counts]).tolist()
+    assert len(errors) > 50
+    assert np.mean(np.abs(errors) < 2.0) >= 0.8  # of 20 % of the force: 0.3

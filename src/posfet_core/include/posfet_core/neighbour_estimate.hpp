@@ -16,23 +16,42 @@
 
 namespace posfet {
 
-/// Relative standard uncertainty of an interpolated force [1]: 0.11 for spheres of 1.5 to 6 mm radius anywhere on a
-/// 5 x 5 array, the rest for 5 % gain mismatch.
+/// Relative standard uncertainty of a force interpolated from neighbours that are far above the floor [1]: 0.11 for
+/// spheres of 1.5 to 6 mm radius anywhere on a 5 x 5 array, the rest for 5 % gain mismatch.
 constexpr double kInterpolationUncertainty = 0.2;
 
-/// Force [N] of a taxel as its neighbours predict it.
+/// What limits an interpolation.
+struct InterpolationLimits {
+  double floor;   ///< Force from which a neighbour is informative [N]; smaller ones count as this one.
+  double most_x;  ///< Greatest force over that of a neighbour along a row [1], by the elastomer skin; inf: no limit.
+  double most_y;  ///< The same along a column [1].
+};
+
+/// A force as the neighbours of a taxel predict it.
+struct NeighbourEstimate {
+  double force;      ///< [N].
+  double deviation;  ///< Standard uncertainty [N].
+};
+
+/// Force of a taxel as its neighbours predict it.
 ///
-/// `force` are the forces of all taxels [N]; those of the `unknown` ones are not used, those below `floor` count as
-/// this one [N]. 0 where no known neighbour exceeds `floor`. NaN where every square of the taxel contains an unknown
-/// one or leaves the array.
-double neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor);
+/// `force` are the forces of all taxels [N]; those of the `unknown` ones are not used. It is at most what the greatest
+/// known neighbour in its row or column allows under a point load on the taxel. 0 where no known neighbour exceeds the
+/// floor. NaN where every square of the taxel contains an unknown one or leaves the array.
+///
+/// Its variance is that of the interpolation, and what an error by the floor in each neighbour makes of it: in a corner
+/// whose square ends in an untouched taxel it is more uncertain than it is large. Where it is limited, its uncertainty is
+/// the force itself.
+NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
+                                          const InterpolationLimits& limits);
 
 /// The smallest force [N] that any square of a taxel predicts.
 ///
-/// A square is informative when its other three taxels are known (`unknown` null: all are) and at least `floor` [N];
-/// negative forces count as 0. All squares that lie on the array have to be informative, so that a taxel in a gap
-/// between two contacts is not expected to show a force: 0 where one is not, or where there is none.
-double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor);
+/// A square is informative when its other three taxels are known (`unknown` null: all are) and at least their `floor`
+/// [N] (null: 0); negative forces count as 0. All squares that lie on the array have to be informative, so that a taxel
+/// in a gap between two contacts is not expected to show a force: 0 where one is not, or where there is none.
+double neighbour_lower_bound(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
+                             const double* floor);
 
 /// The largest of some values of all taxels among the eight neighbours of one; -inf where it has none.
 double largest_neighbour(const Grid& grid, const double* values, Taxel taxel);

@@ -26,6 +26,7 @@
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/hum_filter.hpp"
 #include "posfet_core/inverse_signal_chain.hpp"
+#include "posfet_core/neighbour_estimate.hpp"
 #include "posfet_core/scan.hpp"
 #include "posfet_core/scan_clock.hpp"
 #include "posfet_core/slip.hpp"
@@ -69,10 +70,10 @@ struct ScanResult {
 /// Forces and contacts of one sensor, scan by scan. Nothing is thrown but for lack of memory.
 class ScanPath {
 public:
-  /// `offset` are the charge densities of each taxel without a force [C/m2]; `informative` is the force from which a
-  /// taxel is informative about that of its neighbour [N]. Throws std::invalid_argument where parts are of different
-  /// arrays, or missing.
-  ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector<double> offset, double informative);
+  /// `offset` are the charge densities of each taxel without a force [C/m2]; `interpolation` limits what neighbours
+  /// predict. Throws std::invalid_argument where parts are of different arrays, or missing.
+  ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector<double> offset,
+           const InterpolationLimits& interpolation);
 
   std::size_t taxels() const { return charge_.size(); }
 
@@ -110,6 +111,9 @@ public:
   /// Forces of the taxels with those of faulty ones interpolated [N]; up to date while there are such.
   std::vector<double>& filled() { return filled_; }
 
+  /// Standard uncertainty of each interpolated force [N]; up to date while there are such.
+  std::vector<double>& filled_deviation() { return filled_deviation_; }
+
   /// Whether the newest scan that was neither duplicate nor late was unusable.
   bool blank() const { return blank_; }
 
@@ -136,7 +140,7 @@ private:
   InverseSignalChain chain_;
   std::vector<double> offset_;
   bool any_offset_;
-  double informative_;
+  InterpolationLimits interpolation_;
   std::vector<std::uint16_t> counts_;
   std::vector<double> charge_;
   TaxelFlags saturated_;
@@ -148,6 +152,7 @@ private:
   bool shows_released_ = false;
   ScanResult result_;
   std::vector<double> filled_;
+  std::vector<double> filled_deviation_;
   TaxelFlags unlisted_;
   bool any_unlisted_ = false;
   TaxelFlags interpolated_;

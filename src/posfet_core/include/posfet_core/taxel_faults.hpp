@@ -15,6 +15,9 @@
 ///   levels (telegraph_noise.hpp).
 /// - Dead: the taxel reads almost nothing while all taxels around it indicate a force on it.
 ///
+/// What neighbours show counts as far as it exceeds their deviation, and the errors that negative forces among them
+/// show: an object that warms the film makes all forces under it read low.
+///
 /// A dead taxel in a corner has one square of neighbours to indicate it, and in a single row of taxels none: there it
 /// is not detected. A hole in an object, smaller than a cell, would look like a dead taxel. A stuck taxel whose noise
 /// stays within one code of a coarse ADC is detected as a dead one, when it is pressed.
@@ -69,7 +72,8 @@ constexpr double kNeighbours = 20.0;
 /// A taxel at the end of its range is there alone when no neighbour shows one part in this many of it [1].
 constexpr double kAlone = 50.0;
 
-/// Standard deviations by which the neighbours of a held force must miss what they must feel of it [1].
+/// Standard deviations by which the neighbours of a held force must miss what they must feel of it, and from which a
+/// force is no error [1].
 constexpr double kHeldCertainty = 4.0;
 
 /// A noisy taxel reads at most this many times as much as a neighbour of a touch on both [1].
@@ -158,8 +162,9 @@ private:
   const double* update_levels(double usual);
   double find_second_differences();
   void compare_with_neighbours(double usual, const double* now);
+  void find_shown_errors(const TestedBlock& block);
   void test_response(const double* force, const bool* offset_known);
-  void test_alone(const double* force, const double* variance, const bool* offset_known);
+  void test_alone(const double* force, const bool* offset_known);
   bool update_status(double duration);
   TaxelStatus next_status(std::size_t taxel) const;
 
@@ -201,7 +206,8 @@ private:
   std::vector<double> others_;
   std::vector<double>
       square_;  ///< Of the second differences of each taxel: sum of the squares, then variance of the noise [counts2].
-  std::vector<double> sizes_;  ///< Sizes of the second differences of one taxel [counts].
+  std::vector<double> variance_;  ///< Of each force, with the errors that negative forces show [N2].
+  std::vector<double> sizes_;     ///< Sizes of the second differences of one taxel [counts].
 };
 
 }  // namespace posfet

@@ -36,7 +36,7 @@ from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.reconstruction.taxel_faults import INFORMATIVE, TaxelFaultDetector, TaxelStatus
 from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
+from posfet_model.sensor.neighbour_estimate import most_over_neighbours
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, force_noise_rms, volts_per_count
 
@@ -218,6 +218,7 @@ class Reconstructor:
         sensor = self._sensor
         inverse = InverseSignalChain(sensor)
         low, high = inverse.saturated_counts
+        most_x, most_y = most_over_neighbours(sensor)
         return scan_path.ScanPath(
             clock=self._clock,
             crosstalk=CrosstalkCompensator(sensor.layout, self.calibration.crosstalk),
@@ -237,6 +238,8 @@ class Reconstructor:
             saturated_high=high,
             offset=self.calibration.offset * charge_per_newton(sensor) / sensor.volts_per_newton,
             informative=INFORMATIVE * self._noise,
+            most_x=most_x,
+            most_y=most_y,
         )
 
     def _make_block_end(self) -> scan_path.BlockEnd:
@@ -480,7 +483,7 @@ class Reconstructor:
         image.total = float(estimator.force.sum(where=self._measured))
         if self._result.contacts and self._faults.any_faulty:
             np.copyto(image.load, np.nan_to_num(self._filled), where=self._interpolated)
-            np.copyto(image.load_variance, _interpolation_variance(self._filled), where=self._interpolated)
+            np.copyto(image.load_variance, np.square(self._path.filled_deviation), where=self._interpolated)
             image.total += float(image.load.sum(where=self._interpolated))
         variance = float(image.load_variance.sum())  # NaN: a taxel without a usable neighbour
         shared = estimator.correlated_error.sum(axis=0, where=self._measured[:, np.newaxis])
@@ -527,8 +530,3 @@ class Reconstructor:
             force = self._estimator.force[members]
             if force.min(initial=0.0) < 0.0:
                 self._image.force[members] = non_negative(force, self._variance[members])
-
-
-def _interpolation_variance(force: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the variance [N2] of forces [N] that are interpolated from the neighbours."""
-    return np.square(INTERPOLATION_UNCERTAINTY * force)
