@@ -176,8 +176,6 @@ def calibration_of(board: Board, cover: CoverName, folder: Path | None = None) -
 
 def _name(effects: Effects) -> str:
     """Return a short name of what is not 0."""
-    effects = replace(
-        effects, drift=0.0, drift_under_way=False, gain_drift=0.0, warmth_on_stand=True
-    )  # none on the stand
+    effects = replace(effects, drift=0.0, drift_under_way=False, gain_drift=0.0)  # none on the stand
     changed = {name: value for name, value in vars(effects).items() if value != getattr(Effects(), name)}
     return "_".join(changed)[:60] + f"-{zlib.crc32(repr(effects).encode()):08x}"

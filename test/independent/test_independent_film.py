@@ -10,6 +10,17 @@
 Limits are those of `independent.judge.rows`, and are not tuned to what the model reaches. `HELD` and `HELD_SLOWLY` list
 the rows and scenes in which the model meets them: nothing else of the table is asserted, and nothing of it is loosened.
 ``python -m independent.judge`` shows all rows.
+
+Not met on board 1 with the cover `gauss`:
+
+- none: `pad` and `pad_slow`, where the calibration finds a share of weak forces in a warmth that it does not find;
+  `ridged`, `rolling`, `overload` and `grasp` are wrong by 0.6 to 5 % in place of 0.5, and 87 % of the forces of `tap`
+  are within two deviations in place of 95.
+- Objects that warm the film by 0.1 K, if the stand does not: most of the total forces mislead. If they warm it by
+  30 mK, 2.4 % do in place of 1.
+- Objects that warm the film by 0.1 K, on the stand too: forces are almost never valid.
+
+Objects that warm it by 0.3 K, 50 uV of 1/f noise, changed gains, and `hard` have no limits.
 """
 
 from __future__ import annotations
@@ -37,7 +48,17 @@ HELD = (("moderate", "mixed"), ("moderate", "sliding"))
 HELD_SLOWLY = (
     *(
         ("none", scene)
-        for scene in ("mixed", "pad", "pad_slow", "slow", "power_on", "regrasp", "two_fingers", "hold300")
+        for scene in (
+            "mixed",
+            "slow",
+            "sliding",
+            "ring",
+            "power_on",
+            "regrasp",
+            "handle",
+            "two_fingers",
+            "hold300",
+        )  # fmt: skip
     ),
     *(("moderate", scene) for scene in ("ring", "overload", "grasp", "regrasp", "two_fingers")),
     *(
@@ -51,14 +72,12 @@ HELD_SLOWLY = (
             "drift_under_way",
             "bending_2",
             "bending_8",
+            "hum",
             "bursts",
             "stuck_bit_1",
             "stuck_bit_7",
             "telegraph",
             "timing",
-            "nonlinearity",
-            "gain_drift",
-            "leak_halving",
         )
     ),
 )

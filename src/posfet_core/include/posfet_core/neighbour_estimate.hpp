@@ -40,8 +40,8 @@ struct NeighbourEstimate {
 /// floor. NaN where every square of the taxel contains an unknown one or leaves the array.
 ///
 /// Its variance is that of the interpolation, and what an error by the floor in each neighbour makes of it: in a corner
-/// whose square ends in an untouched taxel it is more uncertain than it is large. Where it is limited, its uncertainty is
-/// the force itself.
+/// whose square ends in an untouched taxel it is more uncertain than it is large. Where it is limited, its uncertainty
+/// is the force itself.
 NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
                                           const InterpolationLimits& limits);
 
