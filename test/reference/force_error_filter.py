@@ -116,6 +116,25 @@ class Belief:
         self.covariance[state, state] = variance
         self.slope[:, :, state] = 0.0
 
+    def know_force(self, where: Mask, shown: Array, response: Array, variance: Array) -> None:
+        """Set the force errors of the masked taxels to what they show, less what the shared states cause.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels whose force is known.
+        shown : ndarray of float64, shape [taxels]
+            Uncorrected force less the known one [N].
+        response : ndarray of float64, shape [taxels, shared]
+            Responses of the force errors to the shared states.
+        variance : ndarray of float64, shape [taxels]
+            Variance of `shown` [N2].
+        """
+        self.forget(where, 0)
+        self.error[where, 0] = (shown - response @ self.shared)[where]
+        self.slope[where, 0] = -response[where]
+        self.own[where, 0, 0] = variance[where]
+
     def forget(self, where: Mask | slice, state: int) -> None:
         """Make one state of the masked taxels exactly known and independent of all others.
 

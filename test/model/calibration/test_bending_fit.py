@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_core.scan_path import TouchResponse
-from posfet_model.calibration.bending_fit import BendingFit, BendingSources, UntouchedTaxel, fit_bending
+from posfet_model.calibration.bending_fit import SLOW, BendingFit, BendingSources, UntouchedTaxel, fit_bending
 from posfet_model.calibration.fit_checks import MAX_BENDING, FitError, check_bending
 from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION
 from posfet_model.estimation.error_states import BENDS, ErrorPriors, Shared
@@ -30,6 +30,7 @@ TAXELS = LAYOUT.taxels
 BLOCK = 0.02
 NOISE = 1e-4
 SIZES = np.array([8e-3, 1e-3, -2e-3, 3e-3])
+FILM_LAG, PER_KELVIN = 0.05, -1.05
 
 
 def presses(places: Sequence[int]) -> Array:
@@ -45,12 +46,12 @@ def found(force: Array, sizes: Array, common: Array | float = 0.0) -> BendingFit
     """Return the fit to what a chip with this bending shows, and with what all taxels show besides [N]."""
     rng = np.random.default_rng(1)
     time = BLOCK * np.arange(len(force))
-    sources, taxels = BendingSources(LAYOUT, time, force), []
+    sources, taxels = BendingSources(LAYOUT, time, force, FILM_LAG), []
     for taxel in range(TAXELS):
         charge = sources.of_bending(taxel) @ sizes + common + NOISE * rng.standard_normal(len(force))
         untouched = force[:, taxel] == 0.0
         used = untouched & (force.sum(axis=1) > 0.0)
-        taxels.append(UntouchedTaxel(charge, sources.of_all(taxel, np.zeros(len(force))), used, NOISE))
+        taxels.append(UntouchedTaxel(charge, sources.of_all(taxel, PER_KELVIN, np.zeros(len(force))), used, NOISE))
     return fit_bending(taxels)
 
 
@@ -58,7 +59,7 @@ def test_the_sources_are_the_responses_of_the_estimator() -> None:
     force = np.random.default_rng(1).random((1, TAXELS))
     response = TouchResponse(compiled_layout(LAYOUT), np.ones(TAXELS), np.ones(TAXELS), ErrorPriors())
     response.advance(force[0], force[0], force[0], BLOCK)
-    sources = BendingSources(LAYOUT, np.zeros(1), force)
+    sources = BendingSources(LAYOUT, np.zeros(1), force, FILM_LAG)
     ours = np.stack([sources.of_bending(taxel)[0] for taxel in range(TAXELS)])
     expected = response.matrix()[:, Shared.BEND : Shared.BEND + BENDS]
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-12)
@@ -77,10 +78,14 @@ def test_a_chip_that_does_not_bend_has_a_deviation_that_covers_zero() -> None:
 
 def test_an_object_that_warms_the_chip_does_not_bend_it() -> None:
     force = presses(range(TAXELS))
-    sources = BendingSources(LAYOUT, BLOCK * np.arange(len(force)), force)
-    warmth = 0.05 * sources.of_all(0, np.zeros(len(force)))[:, -2]  # follows with 10 s
+    sources = BendingSources(LAYOUT, BLOCK * np.arange(len(force)), force, FILM_LAG)
+    warming = np.array([0.01, 0.02, 0.05])
+    warmth = sources.of_all(0, PER_KELVIN, np.zeros(len(force)))[:, BENDS:-1] @ warming
     fit = found(force, SIZES, warmth)
     np.testing.assert_allclose(fit.sizes, SIZES, rtol=0, atol=2e-4)
+    # What all of it amounts to within the presses is known better than which time constant it has.
+    after = -np.expm1(-2.0 / np.array(SLOW))
+    assert fit.warming @ after == pytest.approx(warming @ after, rel=0.05)
 
 
 def test_a_temperature_that_changes_on_all_taxels_makes_it_less_certain() -> None:
@@ -110,6 +115,6 @@ def test_without_a_press_it_is_as_unknown_as_without_a_calibration() -> None:
 def test_a_bending_that_no_chip_has_is_refused_with_its_name(part: int, sign: float) -> None:
     sizes = np.zeros(4)
     sizes[part] = sign * 0.9 * MAX_BENDING
-    check_bending(BendingFit(sizes, np.zeros(4)))
+    check_bending(BendingFit(sizes, np.zeros(4), np.zeros(3)))
     with pytest.raises(FitError, match=r"^bending: must be within .* got "):
-        check_bending(BendingFit(2.0 * sizes, np.zeros(4)))
+        check_bending(BendingFit(2.0 * sizes, np.zeros(4), np.zeros(3)))

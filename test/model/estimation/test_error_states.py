@@ -229,6 +229,16 @@ def test_hysteresis_that_a_calibration_found_is_subtracted() -> None:
     assert without.loop_slope == 0.0
 
 
+def test_what_an_object_warms_the_chip_by_is_expected_as_calibrated() -> None:
+    priors, times, sizes = ErrorPriors(), np.array([1.0, 3.0, 10.0]), np.array([0.0, 0.03, 0.02])
+    known = priors.with_calibration(calibration(chip_warming_time_constants=times, chip_warming=sizes))
+    assert (known.chip_times, known.chip_warming) == (tuple(times), tuple(sizes))
+    assert known.touch_rate == pytest.approx(math.hypot(priors.touch_rate_calibrated, priors.touch_rate_share * 0.012))
+    none = priors.with_calibration(calibration(chip_warming_time_constants=times, chip_warming=np.zeros(3)))
+    assert none.touch_rate == priors.touch_rate_calibrated
+    assert priors.with_calibration(calibration()).touch_rate == priors.touch_rate  # a file that does not say
+
+
 def test_more_slow_responses_than_states_are_left_out() -> None:
     many = np.linspace(0.1, 20.0, CREEPS + 2)
     known = ErrorPriors().with_calibration(

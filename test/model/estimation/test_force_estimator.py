@@ -25,6 +25,7 @@ from posfet_model.estimation.force_estimator import BLOCK, RESUME_TIME, ForceEst
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import InverseSignalChain, force_noise_rms
 from reference.dense_pressure import sphere_forces
+from reference.estimation import force_estimator as plain_estimator
 from support.scan_player import Forces, nothing, press, scans
 
 SENSOR = load_sensor()
@@ -564,6 +565,22 @@ def test_a_chip_that_warms_from_the_start_has_no_offset_for_that(rate: float) ->
     deviation = np.sqrt(np.diag(belief.covariance))
     assert abs(belief.shared[Shared.SCALE]) < 2.0 * deviation[Shared.SCALE]
     assert abs(belief.shared[Shared.FILM] - 6.0 * rate) < 3.0 * deviation[Shared.FILM]
+
+
+@pytest.mark.parametrize("rate", [-0.5 / 60.0, 0.5 / 60.0, 2.0 / 60.0])
+def test_a_chip_that_warmed_before_the_first_scan_does_not_count_twice(rate: float) -> None:
+    # The constant charge of a constant rate looks like an offset; the sensors, which show the rate, like a fall of the
+    # force: 2 N on all taxels grew by 0.3 N in each second, and were valid.
+    watch, plain, forces, errors = Watch(), Watch(), [], []
+    plain.estimator = plain_estimator.ForceEstimator(SENSOR)
+    scene: dict[str, Any] = {"force": press(2.0, 7.0, 60.0), "shape": np.full(TAXELS, 1.0 / TAXELS)}
+    for time, scan in scans(SENSOR, 12.0, temperature=lambda time: 25.0 + rate * time, **scene):
+        if time >= 3.0:
+            forces.append(watch.process(time - 3.0, scan).copy())
+            errors.append(np.abs(plain.process(time - 3.0, scan) - forces[-1]).max())
+    total = np.array(forces)[4200:].sum(axis=1)
+    assert abs(total - 2.0).max() < min(0.3, 2.0 * watch.total_deviation())
+    assert max(errors[1:]) < 1e-6  # the film in NumPy
 
 
 @pytest.mark.parametrize("pyroelectric", [0.8, 1.0, 1.2])

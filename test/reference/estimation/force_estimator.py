@@ -29,6 +29,7 @@ from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation.contact_surroundings import ContactSurroundings
+from reference.estimation.earlier_warming import EarlierWarming
 from reference.estimation.error_states import SharedDynamics, start_belief, start_covariance, start_mean
 from reference.estimation.jump_noise import QUIET, JumpNoise
 from reference.estimation.known_forces import (
@@ -183,6 +184,8 @@ class Block:
     """Share of its warmth that each taxel has lost [1]."""
     rate_noise: float
     """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
+    warming: float
+    """Rate of the chip temperature that the touch is expected to cause [K/s]."""
     before: Belief
     """Belief before this block."""
 
@@ -217,6 +220,8 @@ class ForceEstimator:
     touch_at_start: bool = False
     """Whether forces are not valid until a release or a forced tare shows what no force is; may change."""
     _zero_known: bool = False
+    _adopted: bool = False
+    _apart: float = math.nan
 
     def __init__(
         self,
@@ -265,7 +270,7 @@ class ForceEstimator:
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
-        self._jumps = JumpNoise(self._tau)
+        self._jumps, self._earlier = JumpNoise(self._tau), EarlierWarming()
         self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
@@ -456,10 +461,10 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
-        response[:, Shared.FILM] = 0.0
-        belief.error[:, 0] += response @ belief.shared + self._touch.loops
-        belief.forget(np.ones_like(self.ignored), 0)
-        belief.own[:, 0, 0] = self._noise_variance
+        of_film = np.zeros_like(response)
+        of_film[:, Shared.FILM], response[:, Shared.FILM] = response[:, Shared.FILM], 0.0
+        shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops + of_film @ belief.shared
+        belief.know_force(np.ones_like(self.ignored), shown, of_film, self._noise_variance)
         mean, prior = start_mean(p), start_covariance(p)
         for state in np.flatnonzero(OF_TOUCH).tolist():
             belief.restart(state, float(mean[state]), float(prior[state, state]))
@@ -519,6 +524,7 @@ class ForceEstimator:
         else:
             self._step(block)
         self._listed = listed
+        self._observe_earlier_warming(block)
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         bends = slice(Shared.BEND, Shared.BEND + BENDS)
@@ -708,6 +714,7 @@ class ForceEstimator:
             own_noise,
             cooled,
             (p.touch_rate**2) * abs(total - before) * max(total, before),
+            self._touch.warming,
             self.belief.copy(),
         )
         self._last_duration = self._elapsed
@@ -765,20 +772,21 @@ class ForceEstimator:
         own = self.belief.own[:, 1, 1]
         np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        self._measure_temperature(self._filter, block, any_true(zeros))
+        self._apart = self._measure_temperature(self._filter, block, any_true(zeros))
         self._measure_zeros(block, beside)
 
-    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> float:
         """Update a belief by a new reading of the temperature sensors, if there is one.
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
         determine the temperature of the film, or if no change of the rate explains it, it shows only that the sensors
-        differ from their model, and is weighted down.
+        differ from their model, and is weighted down. Return the reading less the expected one [K], NaN without one.
         """
         if math.isnan(block.reading):
-            return
+            return math.nan
         variance = block.reading_variance
         innovation, _, total = f.temperature_innovation(block.reading, variance)
+        apart = innovation
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising and not zeros:
             rate = min(abs(innovation) / block.interval, self._priors.fastest)
@@ -791,6 +799,39 @@ class ForceEstimator:
         _, column, total = f.temperature_innovation(block.reading, variance)
         variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
         f.measure_temperature(block.reading, variance)
+        return float(apart)
+
+    def _observe_earlier_warming(self, block: Block) -> None:
+        """Compare the sensors with zeros that show no change of the film's temperature."""
+        if self._adopted or math.isnan(self._apart):
+            return
+        usable = int(np.count_nonzero(~self.ignored))
+        blind = usable < UniformChange.FEWEST or not self._uniform.observable
+        if any_true(block.touched) or self._unheated is not None or self._warms() or blind:
+            self._earlier.reset()
+            return
+        found = self._earlier.add(self._age, self._apart)
+        rate, variance = float(self.belief.shared[Shared.RATE]), float(self.belief.covariance[Shared.RATE, Shared.RATE])
+        if found and abs(found[0]) > abs(rate) + SURPRISING * math.sqrt(variance):
+            self._adopt_earlier_warming(block, *found)
+            self._adopted = True
+
+    def _adopt_earlier_warming(self, block: Block, rate: float, deviation: float) -> None:
+        """Take what all signals have in common in the offsets for the charge of a film that warms; no force changes."""
+        belief, mean = self.belief, self._mean_per_kelvin
+        warmer, sensor_lag = np.zeros(COUNT), self._dynamics.sensor_lag(belief.shared)
+        warmer[[Shared.RATE, Shared.DRIFT]] = 1.0, -mean
+        # The sensors lag behind the chip.
+        warmer[[Shared.CHIP, Shared.FILM]] = sensor_lag, sensor_lag - self._film_lag
+        self._filter.restart_temperature(block.reading, belief.shared, start_covariance(self._priors))
+        self._filter.admit(warmer, deviation**2)
+        shared = belief.shared + rate * warmer
+        self._filter.belief = belief = Belief(shared, belief.covariance, belief.error, belief.slope, belief.own)
+        belief.error[:, 1] += self._tau * (mean - self._per_kelvin) * rate
+        belief.slope[:, 1, Shared.DRIFT] = self._tau * (self._per_kelvin / mean - 1.0)
+        everywhere = np.ones_like(self.ignored)
+        belief.know_force(everywhere, block.mean, block.response, block.noise)
+        self._blocks.clear()
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
         """Propagate a belief over a block; return the taxels beside a contact."""
@@ -805,6 +846,8 @@ class ForceEstimator:
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
+        thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
+        after[thermal] += matrix[thermal, Shared.RATE] * block.warming
         belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
         belief.cool(block.cooled)
         errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
@@ -879,7 +922,7 @@ class ForceEstimator:
         claimed = shown = deviation = math.nan
         if unheated is not None:
             before, film = unheated.belief.shared, unheated.belief.covariance[Shared.FILM, Shared.FILM]
-            self._expected_film += self._expected_rate * block.duration
+            self._expected_film += (self._expected_rate + block.warming) * block.duration
             claimed = float(shared[Shared.FILM]) - self._expected_film
             shown = float(before[Shared.FILM]) - self._expected_film
             deviation = math.sqrt(max(float(film), 0.0))
@@ -914,9 +957,7 @@ class ForceEstimator:
                 warmth = (self._priors.warmth_mean * self._per_kelvin[cooling]) ** 2
                 for i, j in ((0, 0), (0, 4), (4, 0), (4, 4)):
                     belief.own[cooling, i, j] += warmth
-                belief.error[released, 0] += residual[released]
-                belief.forget(released, 0)
-                belief.own[released, 0, 0] = block.noise[released]
+                belief.know_force(released, block.mean, block.response, block.noise)
                 errors &= ~released
                 self._untouched_time[cooling] = 0.0
                 self._zero_known = True
@@ -938,10 +979,7 @@ class ForceEstimator:
         self._lower_bound.update(np.where(ended, mean, np.maximum(mean, 0.0)), block.duration)
         self._last_mean = mean
         if ended.any():
-            belief = self.belief
-            belief.error[ended, 0] += mean[ended]
-            belief.forget(ended, 0)
-            belief.own[ended, 0, 0] = noise[ended] ** 2
+            self.belief.know_force(ended, block.mean, block.response, block.noise)
 
     def _warmth_variance(self) -> Array:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
@@ -1119,9 +1157,8 @@ class ForceEstimator:
         self._lower_bound.start(self.force * known, remaining * known)
         self.force[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
-        belief.error[:, 0] = self._correction - self._touch.loops - self._touch.matrix() @ belief.shared
-        belief.forget(np.ones(len(signal), np.bool_), 0)
-        belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
+        shown, variance = self._correction - self._touch.loops, self._noise_variance + belief.own[:, 1, 1]
+        belief.know_force(np.ones(len(signal), np.bool_), shown, self._response_now(), variance)
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._usual_offset[:] = belief.error[:, 1]
@@ -1137,6 +1174,14 @@ class ForceEstimator:
         self._restart(~self.offset_known)
         self._start_block()
 
+    def _response_now(self) -> Array:
+        """Return the responses of the force errors as they are now, half a block after the shared states."""
+        response = self._touch.matrix()
+        film = self._dynamics.transition(self.belief.shared, 0.5 * self._last_duration)[1][Shared.FILM]
+        thermal = [Shared.CHIP, Shared.RATE, Shared.FILM]
+        response[:, thermal] = self._per_kelvin[:, None] * film[thermal]
+        return response
+
     def _restart(self, where: Mask) -> None:
         """Restart the masked taxels: no force, and the signal is offset, or charge left by an earlier force.
 
@@ -1148,9 +1193,9 @@ class ForceEstimator:
         new, known = where & ~self.offset_known, where & self.offset_known
         belief.slope[where] = 0.0
         belief.error[where, 3] = belief.error[where, 4] = 0.0
-        belief.error[where, 0] = (self._raw - self._touch.loops - self._touch.matrix() @ belief.shared)[where]
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
+        belief.know_force(where, self._raw - self._touch.loops, self._response_now(), noise)
         belief.own[where, 3, 3] = self._priors.pyroelectric**2
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
@@ -1161,7 +1206,6 @@ class ForceEstimator:
         belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
         belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
         self._left_deviation[known] = self._left
-        belief.own[known, 0, 0] = noise[known]
         belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
         belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
         self._rate[where] = (self._offset() / self._tau)[where]

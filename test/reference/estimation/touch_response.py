@@ -60,6 +60,10 @@ class TouchResponse:
         self._creep_times = np.array(priors.creep_times)
         self._half_widths = np.array(priors.loop_half_widths)[:, None]
         self._weights, self._slope = np.array(priors.loop_weights), priors.loop_slope
+        self._chip_times, self._chip_warming = np.array(priors.chip_times), np.array(priors.chip_warming)
+        self._warmed = np.zeros(len(self._chip_times))
+        self.warming = 0.0
+        """Rate of the chip temperature that the touch is expected to cause [K/s]."""
         self._plays = np.zeros((LOOPS, taxels))
         self.loops = np.zeros(taxels)
         """Charge by which the film's hysteresis differs from that of the force, as a force [N], shape [taxels]."""
@@ -78,7 +82,8 @@ class TouchResponse:
         self._followed[:] = self._plays[:] = self.loops[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
-        self.warm[:] = self.range[:] = 0.0
+        self.warm[:] = self.range[:] = self._warmed[:] = 0.0
+        self.warming = 0.0
         self.responding = False
 
     @property
@@ -114,6 +119,9 @@ class TouchResponse:
         self._force = force
         self._plays = np.clip(self._plays, force - self._half_widths, force + self._half_widths)
         self.loops = self._weights @ (force - self._plays) - self._slope * force
+        follows = -np.expm1(-duration / self._chip_times) * (float(force.sum()) - self._warmed)
+        self._warmed += follows
+        self.warming = float(self._chip_warming @ follows) / duration
         # Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
         # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
         # would the part that a weaker force causes, were it not driven by what the force is at least.

@@ -245,6 +245,7 @@ def test_poles_and_deviations_survive_a_round_trip(
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
         "warmth_time_constant", "warmth_weak_share", "bending", "bending_deviation",
         "hysteresis_half_widths", "hysteresis_weights", "hysteresis_slope",
+        "chip_warming_time_constants", "chip_warming",
         "thermal_time_constant", "temperature",
     ):  # fmt: skip
         np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-5, err_msg=name)

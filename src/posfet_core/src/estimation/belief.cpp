@@ -8,6 +8,7 @@
 #include "posfet_core/estimation/belief.hpp"
 
 #include <algorithm>
+#include <functional>
 
 namespace posfet {
 
@@ -131,6 +132,13 @@ void Belief::forget(std::size_t taxel, std::size_t state) {
   for (std::size_t other = 0; other < kOwnStates; ++other) {
     covariance[own_at(state, other)] = covariance[own_at(other, state)] = 0.0;
   }
+}
+
+void Belief::know_force(std::size_t taxel, double shown, const double* response, double variance) {
+  forget(taxel, kForceError);
+  error_of(taxel)[kForceError] = shown - dot(response, shared.data(), states());
+  std::transform(response, response + states(), slope_of(taxel, kForceError), std::negate<>());
+  own_of(taxel)[own_at(kForceError, kForceError)] = variance;
 }
 
 }  // namespace posfet

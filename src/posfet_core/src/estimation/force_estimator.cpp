@@ -265,10 +265,11 @@ void ForceEstimator::forget_touch() {
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* response = response_.data() + taxel * kSharedStates;
-    response[kFilm] = 0.0;
-    b.error_of(taxel)[kForceError] += dot(response, b.shared.data(), kSharedStates) + touch_.loops()[taxel];
-    b.forget(taxel, kForceError);
-    b.own_of(taxel)[own_at(kForceError, kForceError)] = noise_variance_[taxel];
+    std::array<double, kSharedStates> of_film{};
+    std::swap(of_film[kFilm], response[kFilm]);
+    const double error = b.error_of(taxel)[kForceError] + dot(response, b.shared.data(), kSharedStates);
+    b.know_force(taxel, error + touch_.loops()[taxel] + of_film[kFilm] * b.shared[kFilm], of_film.data(),
+                 noise_variance_[taxel]);
   }
   for (std::size_t state = 0; state < kSharedStates; ++state) {
     if (!is_of_touch(state)) {
@@ -297,7 +298,7 @@ void ForceEstimator::start(const double* charge) {
   }
   std::vector<double>& before = values_;
   std::vector<double>& remaining = noise_;
-  touch_.matrix(response_);
+  find_response_now();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     leaked_[taxel] = s.raw[taxel] - signal(taxel);
     const double left = s.offset_known[taxel] ? signal(taxel) - offset(taxel) : 0.0;
@@ -305,11 +306,8 @@ void ForceEstimator::start(const double* charge) {
     remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
     s.force[taxel] = std::max(left, 0.0);
     s.correction[taxel] = s.raw[taxel] - s.force[taxel];
-    b.error_of(taxel)[kForceError] = s.correction[taxel] - touch_.loops()[taxel] -
-                                     dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
-    b.forget(taxel, kForceError);
-    double* own = b.own_of(taxel);
-    own[own_at(kForceError, kForceError)] = noise_variance_[taxel] + own[own_at(kOffset, kOffset)];
+    b.know_force(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
+                 noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
   }
   lower_bound_.start(before.data(), remaining.data());
   integrate(-0.5 * last_duration_);
@@ -355,6 +353,18 @@ void ForceEstimator::integrate(double time) {
   belief()->integrate(leaked_share_.data(), driven_.data());
 }
 
+/// Find the responses of the force errors as they are now, half a block after the shared states.
+void ForceEstimator::find_response_now() {
+  touch_.matrix(response_);
+  const double* film =
+      dynamics_.transition(belief()->shared, 0.5 * last_duration_).matrix.data() + kFilm * kSharedStates;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    for (const std::size_t state : {kChip, kRate, kFilm}) {
+      response_[taxel * kSharedStates + state] = array_.newton_per_kelvin[taxel] * film[state];
+    }
+  }
+}
+
 /// Restart taxels: no force, and the signal is offset, or charge left by an earlier force. After each rejection the
 /// deviation of that charge is larger.
 void ForceEstimator::restart(const TaxelFlags& where) {
@@ -363,7 +373,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
   }
   ForceIntegration::State& s = state();
   Belief& b = *belief();
-  touch_.matrix(response_);
+  find_response_now();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     leaked_share_[taxel] = driven_[taxel * kSharedStates + kDrift] = 0.0;
     if (!where[taxel]) {
@@ -375,11 +385,9 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     double* own = b.own_of(taxel);
     std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
     std::fill_n(own, kOwnStates * kOwnStates, 0.0);
-    error[kForceError] = s.raw[taxel] - touch_.loops()[taxel] -
-                         dot(response_.data() + taxel * kSharedStates, b.shared.data(), kSharedStates);
+    b.know_force(taxel, s.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates, noise);
     error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
     own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
-    own[own_at(kForceError, kForceError)] = noise;
     if (s.offset_known[taxel]) {
       left_deviation_[taxel] = array_.left_charge;
       own[own_at(kOffset, kOffset)] = square(kRestartDeviation * array_.threshold);
@@ -459,6 +467,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     step(blocks_.size() - 1);
   }
   listed_.set(block.listed.data());
+  observe_earlier_warming(block);
   observe_steady_force();
   release(block, listed_contacts);
   if (lower_bound_.mask().any()) {

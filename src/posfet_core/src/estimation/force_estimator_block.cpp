@@ -124,6 +124,7 @@ void ForceEstimator::measure_touch(Block& block) {
   }
   touch_.advance(force, least, most, block.duration, belief()->shared[kLeak]);
   touch_.matrix(block.response);
+  block.warming = touch_.warming();
 }
 
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.

@@ -67,7 +67,7 @@ void ForceEstimator::step(std::size_t index) {
     variance = std::max(variance, jumps_.least_offset_variance(taxel));
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
-  measure_temperature(filter_, block, zeros);
+  apart_ = measure_temperature(filter_, block, zeros);
   measure_zeros(index);
 }
 
@@ -75,16 +75,17 @@ void ForceEstimator::step(std::size_t index) {
 ///
 /// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
 /// the temperature of the film, or if no change of the rate explains it, it shows only that the sensors differ from
-/// their model, and is weighted down.
-void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
+/// their model, and is weighted down. Returns the reading less the expected one [K]; NaN: none.
+double ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
   if (std::isnan(block.reading)) {
-    return;
+    return kUnknown;
   }
   double variance = block.reading_variance;
   const auto is_surprising = [](const TemperatureInnovation& found) {
     return square(found.innovation) > square(kSurprising) * found.variance;
   };
   TemperatureInnovation found = filter.temperature_innovation(block.reading, variance);
+  const double apart = found.innovation;
   if (is_surprising(found) && !zeros) {
     const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
@@ -97,6 +98,46 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
   // The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
   variance += std::max(std::abs(found.innovation * found.column[kLag]) / kLargestLagStep - found.variance, 0.0);
   filter.measure_temperature(block.reading, variance);
+  return apart;
+}
+
+/// Compare the sensors with zeros that show no change of the film's temperature.
+void ForceEstimator::observe_earlier_warming(const Block& block) {
+  if (adopted_ || std::isnan(apart_)) {
+    return;
+  }
+  if (block.touched.any() || unheated_ || warms() || usable() < kFewestForUniform || !uniform_.observable()) {
+    earlier_.reset();
+    return;
+  }
+  const auto found = earlier_.add(integration_->block().age, apart_);
+  const double shown = std::abs(belief()->shared[kRate]) + kSurprising * std::sqrt(belief()->variance(kRate));
+  if (found && std::abs(found->rate) > shown) {
+    adopt_earlier_warming(block, *found);
+    adopted_ = true;
+  }
+}
+
+/// Take what all signals have in common in the offsets for the charge of a film that warms [K/s]. No force changes.
+void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& found) {
+  Belief& b = *belief();
+  std::array<double, kSharedStates> warmer{};
+  warmer[kRate] = 1.0;
+  warmer[kDrift] = -mean_per_kelvin_;
+  warmer[kChip] = SharedDynamics::sensor_lag(b.shared);
+  warmer[kFilm] = warmer[kChip] - array_.film_lag;
+  filter_.restart_temperature(block.reading, b.shared.data(), priors_.covariance().data());
+  filter_.admit(warmer.data(), square(found.deviation));
+  for (std::size_t state = 0; state < kSharedStates; ++state) {
+    b.shared[state] += warmer[state] * found.rate;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double tau = array_.time_constant[taxel];
+    b.error_of(taxel)[kOffset] += tau * (mean_per_kelvin_ - array_.newton_per_kelvin[taxel]) * found.rate;
+    b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
+    b.know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
+  }
+  blocks_.clear();
 }
 
 /// Propagate a belief over a block; finds the taxels beside a contact.
@@ -118,6 +159,9 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
   shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
+  for (const std::size_t state : {kChip, kFilm, kSensor}) {
+    shared.after[state] += shared.matrix[state * kSharedStates + kRate] * block.warming;
+  }
   const double warming = shared.after[kFilm] - b.shared[kFilm];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     values_[taxel] = array_.newton_per_kelvin[taxel] * warming;
@@ -304,7 +348,7 @@ UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
   // The hypothesis itself makes the sensors' lag seem longer.
   const Belief& shown = unheated_ ? *unheated_->belief() : *belief();
   if (unheated_) {
-    expected_film_ += expected_rate_ * block.duration;
+    expected_film_ += (expected_rate_ + block.warming) * block.duration;
     evidence.claimed = belief()->shared[kFilm] - expected_film_;
     evidence.shown = shown.shared[kFilm] - expected_film_;
     evidence.deviation = std::sqrt(std::max(shown.variance(kFilm), 0.0));
@@ -380,9 +424,7 @@ void ForceEstimator::reset_released(const Block& block) {
       own[own_at(kOwnWarmth, kOwnWarmth)] += warmth;
     }
     if (zeros_[taxel]) {
-      belief()->error_of(taxel)[kForceError] += residual_[taxel];
-      belief()->forget(taxel, kForceError);
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] = block.noise[taxel];
+      belief()->know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
     }
   }
   zero_known_ = true;
@@ -434,9 +476,7 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
   last_mean_ = mean_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (ended[taxel]) {
-      belief()->error_of(taxel)[kForceError] += mean_[taxel];
-      belief()->forget(taxel, kForceError);
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] = block.noise[taxel];
+      belief()->know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
     }
   }
 }

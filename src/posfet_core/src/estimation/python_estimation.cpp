@@ -156,7 +156,22 @@ void bind_belief(const py::module_& module) {
               }
             }
           },
-          py::arg("where"), py::arg("state"), "Make one state of the taxels exactly known.");
+          py::arg("where"), py::arg("state"), "Make one state of the taxels exactly known.")
+      .def(
+          "know_force",
+          [](Belief& belief, const Tested& where, const Values& shown, const Values& response, const Values& variance) {
+            const bool* chosen = taxel_flags(where, belief, "where");
+            const double* shows = shaped(shown, {belief.taxels()}, "shown");
+            const double* responses = shaped(response, {belief.taxels(), belief.states()}, "response");
+            const double* variances = shaped(variance, {belief.taxels()}, "variance");
+            for (std::size_t taxel = 0; taxel < belief.taxels(); ++taxel) {
+              if (chosen[taxel]) {
+                belief.know_force(taxel, shows[taxel], responses + taxel * belief.states(), variances[taxel]);
+              }
+            }
+          },
+          py::arg("where"), py::arg("shown"), py::arg("response"), py::arg("variance"),
+          "Set the force errors of taxels to what they show [N], less what the shared states cause.");
   module.attr("OWN_STATES") = kOwnStates;
   module.attr("NEGLIGIBLE_CORRELATION") = kNegligibleCorrelation;
   module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale);
@@ -455,6 +470,8 @@ ErrorPriors priors_from(const py::object& priors) {
   }};
   static_assert(kOfCreep.back().first != nullptr, "fewer priors than their number");
   ErrorPriors found{};
+  found.chip_times = priors.attr("chip_times").cast<std::array<double, kWarmings>>();
+  found.chip_warming = priors.attr("chip_warming").cast<std::array<double, kWarmings>>();
   found.loop_half_widths = priors.attr("loop_half_widths").cast<std::array<double, kLoops>>();
   found.loop_weights = priors.attr("loop_weights").cast<std::array<double, kLoops>>();
   found.bend_mean = priors.attr("bend_mean").cast<std::array<double, kBends>>();

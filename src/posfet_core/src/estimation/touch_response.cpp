@@ -23,7 +23,9 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
       creep_times_(priors.creep_times),
       half_widths_(priors.loop_half_widths),
       weights_(priors.loop_weights),
-      slope_(priors.loop_slope) {
+      slope_(priors.loop_slope),
+      chip_times_(priors.chip_times),
+      chip_warming_(priors.chip_warming) {
   const auto place = [](Taxel index, Taxel count) {
     const double half = 0.5 * static_cast<double>(count - 1);
     return (static_cast<double>(index) - half) / std::max(half, 0.5);
@@ -45,6 +47,8 @@ void TouchResponse::reset() {
   for (auto& values : plays_) {
     values.assign(tau_.size(), 0.0);
   }
+  warmed_.fill(0.0);
+  warming_ = 0.0;
   responding_ = false;
 }
 
@@ -61,6 +65,13 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     }
   }
   follow_loops(force);
+  const double total = std::accumulate(force.begin(), force.end(), 0.0);
+  warming_ = 0.0;
+  for (std::size_t each = 0; each < kWarmings; ++each) {
+    const double follows = -std::expm1(-duration / chip_times_[each]) * (total - warmed_[each]);
+    warmed_[each] += follows;
+    warming_ += chip_warming_[each] * (follows / duration);
+  }
   const double warming = -std::expm1(-duration / warmth_time_);
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
     const double ratio = duration / (tau_[taxel] * std::max(1.0 + leak, kLeastLeak));

@@ -32,10 +32,10 @@ from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION
 from posfet_model.sensor.description import Layout
 
 SLOW: Final = (0.1, 1.0, 10.0)
-"""Time constants with which further charge on all taxels follows the total force [s]: the object warms the chip."""
+"""Time constants with which an object warms the chip, and the film charges all taxels [s]."""
 
 SLOW_DEVIATION: Final = 0.1
-"""Standard deviation of the size of each, as a force per total force [1], assumed: 0.07 K/N."""
+"""Standard deviation of the size of each [K/N], assumed."""
 
 CROSSTALK_DEVIATION: Final = 0.02
 """Standard deviation of the crosstalk that is left after its compensation [1], assumed."""
@@ -52,17 +52,19 @@ class BendingFit:
     """B, B_x, B_y and B_m [1], shape [4]."""
     deviations: Array
     """Their standard deviations [1], shape [4]."""
+    warming: Array
+    """By how much an object warms the chip with each of `SLOW`, per total force [K/N], shape [3]."""
 
 
 class BendingSources:
     """Forces of a recording as the sources of what an untouched taxel shows."""
 
-    def __init__(self, layout: Layout, time: Array, force: Array) -> None:
-        """Take times [s], shape [scans], and forces [N], shape [scans, taxels]."""
+    def __init__(self, layout: Layout, time: Array, force: Array, film_lag: float) -> None:
+        """Take times [s], shape [scans], forces [N], shape [scans, taxels], and the film's lag behind the chip [s]."""
         row, col = np.divmod(np.arange(layout.taxels), layout.cols)
         self._places = np.stack([np.ones(layout.taxels), _places(col, layout.cols), _places(row, layout.rows)])
         self._total, *self._moments = self._places @ force.T
-        self._slow = [low_pass(time, self._total, pole) for pole in SLOW]
+        self._slow = [low_pass(time, low_pass(time, self._total, pole), film_lag) for pole in SLOW]
 
     def of_bending(self, taxel: int) -> Array:
         """Return the sources of bending [N], shape [scans, 4]."""
@@ -70,9 +72,10 @@ class BendingSources:
         moment = self._moments[0] * x + self._moments[1] * y
         return np.stack([self._total, self._total * x, self._total * y, moment], axis=1)
 
-    def of_all(self, taxel: int, neighbours: Array) -> Array:
-        """Return the sources of bending, slow ones, and the forces of the neighbours [N], shape [scans, sources]."""
-        return np.column_stack([self.of_bending(taxel), *self._slow, neighbours])
+    def of_all(self, taxel: int, newton_per_kelvin: float, neighbours: Array) -> Array:
+        """Return the sources of bending, the chip's warmth and the neighbours [N, N2/K, N], shape [scans, sources]."""
+        slow = [newton_per_kelvin * each for each in self._slow]
+        return np.column_stack([self.of_bending(taxel), *slow, neighbours])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +122,7 @@ def fit_bending(taxels: Iterable[UntouchedTaxel]) -> BendingFit:
     scatter = max(1.0, float(np.sum(np.square(scores[:4]))) / max(float(np.trace(information[:4, :4])), 1e-9))
     covariance: Array = np.linalg.inv(information / scatter + prior)
     sizes: Array = (covariance @ moment) / scatter
-    return BendingFit(sizes[:4], np.sqrt(np.diag(covariance))[:4])
+    return BendingFit(sizes[:4], np.sqrt(np.diag(covariance))[:4], sizes[4:-1])
 
 
 def _places(index: NDArray[np.intp], count: int) -> Array:

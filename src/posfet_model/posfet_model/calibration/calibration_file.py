@@ -107,6 +107,11 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "sizes_mN_per_N": _rounded(calibration.bending * 1e3),
             "deviations_mN_per_N": _rounded(calibration.bending_deviation * 1e3),
         }
+    if len(calibration.chip_warming):
+        document["chip_warming"] = {
+            "time_constants_s": _rounded(calibration.chip_warming_time_constants),
+            "sizes_K_per_N": _rounded(calibration.chip_warming),
+        }
     if len(calibration.hysteresis_weights):
         document["hysteresis"] = {
             "half_widths_N": _rounded(calibration.hysteresis_half_widths),
@@ -252,6 +257,14 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
         )
         bending.end()
+    if "chip_warming" in top:
+        warming = top.section("chip_warming")
+        calibration = replace(
+            calibration,
+            chip_warming_time_constants=np.array(warming.numbers("time_constants_s", 3, 1e-3, 1e6)),
+            chip_warming=np.array(warming.numbers("sizes_K_per_N", 3, -10.0, 10.0)),
+        )
+        warming.end()
     if "hysteresis" in top:
         hysteresis = top.section("hysteresis")
         calibration = replace(

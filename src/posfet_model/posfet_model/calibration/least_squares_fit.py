@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
-from posfet_model.calibration.bending_fit import BendingFit, BendingSources, UntouchedTaxel, fit_bending
+from posfet_model.calibration.bending_fit import SLOW, BendingFit, BendingSources, UntouchedTaxel, fit_bending
 from posfet_model.calibration.fit_checks import check_bending, check_ranges, check_responses, check_temperature
 from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass, play_distance
 from posfet_model.calibration.response_fit import (
@@ -119,6 +119,9 @@ MIN_UNTOUCHED: Final = 3
 
 MAX_WARMTH_DEVIATION: Final = 0.01
 """The temperature rise of touched taxels counts as measured with a smaller standard deviation [K]."""
+
+LEAST_SENSOR_LAG: Final = 2e-3
+"""Time constant of the lag of temperature sensors that are faster than the film [s], assumed."""
 
 MAX_CROSSTALK: Final = 0.2
 """Largest share of a neighbour's signal that is compensated [1]."""
@@ -260,7 +263,7 @@ class _Data:
         """Segments of the last fit."""
         self.bending = np.zeros(4)
         """Bending of the chip [1], of the last fit."""
-        self._bending_sources = BendingSources(sensor.layout, self.time, self.force)
+        self._bending_sources = BendingSources(sensor.layout, self.time, self.force, self.film_lag)
 
     def _during_hold(self, time: Array) -> Mask:
         """Return which times [s] are in the long hold or in its tail."""
@@ -373,10 +376,11 @@ class _Data:
             charge = _compensated(self.time, self.signal[:, taxel] - self.offsets[taxel], 1.0 / found.rate)
             charge = (charge - self._slow_charge(taxel, found.gain, fitted)) / found.gain - self.force[:, taxel]
             near = self.force[:, self._neighbours[taxel]].sum(axis=1)
+            per_kelvin = self.newton_per_kelvin * self.shares[taxel] / found.gain
             taxels.append(
                 UntouchedTaxel(
                     charge=block_means(charge, self.size),
-                    sources=block_means(self._bending_sources.of_all(taxel, near), self.size),
+                    sources=block_means(self._bending_sources.of_all(taxel, per_kelvin, near), self.size),
                     used=untouched[:, taxel] & pressed,
                     noise=self.noise[taxel] / found.gain,
                 )
@@ -546,11 +550,12 @@ def _calibration(
     deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
     if poles and deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles:].sum())
-        weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0)) if warmth else 0.0
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
+        if abs(warmth) > warmth_deviation:  # a share of nothing is anything
+            weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0))
     film_lag, sensor_lag = data.film_lag, 0.0
     if thermal is not None:
-        film_lag = thermal.lag if thermal.lag >= 0.0 else data.film_lag
+        film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else data.film_lag
         sensor_lag = film_lag - thermal.lag
     return Calibration(
         gain=gain,
@@ -577,6 +582,8 @@ def _calibration(
         warmth_weak_share=weak_share,
         bending=bending.sizes,
         bending_deviation=bending.deviations,
+        chip_warming_time_constants=np.array(SLOW),
+        chip_warming=bending.warming,
         temperature_sensor_lag=sensor_lag,
         temperature=float(data.temperature.mean()),
     )

@@ -136,6 +136,10 @@ class Calibration:
     the chip bends around the place that is pressed [1], shape [4]; empty: not in the file."""
     bending_deviation: Array = field(default_factory=_none)
     """Standard deviations of `bending` [1], as wide as without a calibration where the recording does not show it."""
+    chip_warming_time_constants: Array = field(default_factory=_none)
+    """Time constants with which an object warms the chip [s], shape [poles]; empty: not in the file."""
+    chip_warming: Array = field(default_factory=_none)
+    """By how much it does with each, per total force [K/N], shape [poles]."""
     temperature_sensor_lag: float = 0.0
     """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
     `thermal_time_constant` minus this, which may be below 0."""

@@ -83,7 +83,15 @@ class ErrorPriors:
     rate_change: float = 3.0
     """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
     touch_rate: float = 0.01
-    """Rate that an object on the chip causes, per total force [K/s/N]."""
+    """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""
+    touch_rate_calibrated: float = 2e-3
+    """The same with calibration [K/s/N], and"""
+    touch_rate_share: float = 0.25
+    """as a share of what is expected [1]."""
+    chip_times: tuple[float, ...] = (0.1, 1.0, 10.0)
+    """Time constants with which an object warms the chip [s], and"""
+    chip_warming: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """by how much, expected, per total force [K/N]."""
     fastest: float = 3.0
     """Greatest change of that rate between two readings [K/s]."""
     lag: float = 0.4
@@ -186,6 +194,11 @@ class ErrorPriors:
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
             found |= {"warmth_time": calibration.warmth_time_constant, "warmth_weak": calibration.warmth_weak_share}
             found["warmth_contact"] = self.warmth_contact_calibrated
+        if len(calibration.chip_warming):
+            sizes, times = calibration.chip_warming.tolist(), calibration.chip_warming_time_constants.tolist()
+            rate = sum(size / each for size, each in zip(sizes, times, strict=True))
+            found |= {"chip_warming": tuple(sizes), "chip_times": tuple(times)}
+            found["touch_rate"] = math.hypot(self.touch_rate_calibrated, self.touch_rate_share * rate)
         if len(calibration.bending):
             sizes, deviations = calibration.bending.tolist(), calibration.bending_deviation.tolist()
             change = self.bend_share * max(map(abs, sizes))

@@ -80,6 +80,10 @@ public:
   /// Make one state of a taxel exactly known and independent of all others.
   void forget(std::size_t taxel, std::size_t state);
 
+  /// The error of a force is all that a taxel shows [N], less what the shared states cause by its response to them,
+  /// [states], with a variance [N2], and independent of its other states: the force itself is known.
+  void know_force(std::size_t taxel, double shown, const double* response, double variance);
+
   /// Regression of one state of a taxel on the shared states, [states].
   double* slope_of(std::size_t taxel, std::size_t state) {
     return slope.data() + (taxel * kOwnStates + state) * states();

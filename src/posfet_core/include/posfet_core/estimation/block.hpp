@@ -40,6 +40,7 @@ struct Block {
   std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
   double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
                                   ///< [K2/s2].
+  double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
   Belief before;                  ///< Belief before this block.
 };
 

@@ -19,6 +19,9 @@ namespace posfet {
 /// Sizes of the loops of the film's hysteresis.
 constexpr std::size_t kLoops = 3;
 
+/// Time constants with which an object warms the chip.
+constexpr std::size_t kWarmings = 3;
+
 /// Standard deviations of the force errors; `ErrorPriors` in posfet_model/estimation/error_states.py explains them and
 /// has their defaults.
 struct ErrorPriors {
@@ -27,6 +30,8 @@ struct ErrorPriors {
   double rate_walk;
   double rate_change;
   double touch_rate;
+  std::array<double, kWarmings> chip_times;
+  std::array<double, kWarmings> chip_warming;
   double fastest;
   double lag;
   double lag_spread;

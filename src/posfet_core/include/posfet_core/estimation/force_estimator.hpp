@@ -25,6 +25,7 @@
 
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/estimation/earlier_warming.hpp"
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
@@ -175,6 +176,9 @@ private:
   void apply_clipped();
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   void start_over();
+  void observe_earlier_warming(const Block& block);
+  void adopt_earlier_warming(const Block& block, const FoundRate& found);
+  void find_response_now();
   void integrate(double time);
   void start_block();
   void restart(const TaxelFlags& where);
@@ -196,7 +200,7 @@ private:
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
-  void measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
+  double measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   void measure_zeros(std::size_t index);
   void expect_small_forces(const Block& block);
   void find_residuals();
@@ -236,6 +240,7 @@ private:
   ReleaseDetector release_;
   JumpNoise jumps_;
   TemperatureWalk walk_;
+  EarlierWarming earlier_;
   SteadyForce steady_force_;
   RestDetector rest_;
   NegativeForceMonitor negative_;
@@ -257,9 +262,11 @@ private:
                         ///< blocks [N].
   std::size_t recent_ = 0;
   std::unique_ptr<ForceErrorFilter> unheated_;  ///< The belief without the hypothesis of `uniform_`, while it is open.
-  double expected_film_ = 0.0;                  ///< Temperature of the film without any change of its rate [K],
-  double expected_rate_ = 0.0;                  ///< which is this one [K/s].
-  double doubt_ = 0.0;  ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  double apart_ = 0.0;          ///< Reading of the sensors less the expected one [K]; NaN: none in this block.
+  bool adopted_ = false;        ///< Whether a rate of earlier warming has been found.
+  double expected_film_ = 0.0;  ///< Temperature of the film without any change of its rate [K],
+  double expected_rate_ = 0.0;  ///< which is this one [K/s].
+  double doubt_ = 0.0;          ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].

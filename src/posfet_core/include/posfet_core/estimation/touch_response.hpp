@@ -50,6 +50,9 @@ public:
   /// Charge by which the film's hysteresis differs from that of the force, as a force [N].
   const std::vector<double>& loops() const { return loops_; }
 
+  /// Rate of the chip temperature that the touch is expected to cause [K/s].
+  double warming() const { return warming_; }
+
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
 
@@ -75,12 +78,16 @@ private:
   std::array<double, kLoops> half_widths_;
   std::array<double, kLoops> weights_;
   double slope_;
+  std::array<double, kWarmings> chip_times_;
+  std::array<double, kWarmings> chip_warming_;
   bool responding_ = false;
   std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
   std::vector<double> force_;                          ///< Touched force of the last block [N].
   std::array<std::vector<double>, kLoops> plays_;      ///< Play operators of the touched force [N].
   std::vector<double> loops_;
+  std::array<double, kWarmings> warmed_{};  ///< Total force that the chip's warmth follows [N].
+  double warming_ = 0.0;
   std::vector<double> warm_;
   std::vector<double> range_;
 };
