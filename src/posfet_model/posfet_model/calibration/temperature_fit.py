@@ -19,6 +19,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_model._lib.minima import golden_section
 from posfet_model._lib.types import Array
 from posfet_model.calibration.leaky_response import low_pass
 
@@ -64,25 +65,14 @@ def fit_temperature(time: Array, temperature: Array, common: Array, film_lag: fl
     TemperatureFit
         The lag with the smallest residuals.
     """
-    squares = np.array(
-        [float(np.square(_at(time, temperature, common, film_lag, lag).residuals).sum()) for lag in LAGS]
-    )
-    best = int(np.argmin(squares))
-    if best in (0, len(LAGS) - 1):
-        return _at(time, temperature, common, film_lag, LAGS[best])
-    # Golden-section search between the neighbours of the best one.
-    low, high = LAGS[best - 1], LAGS[best + 1]
-    ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    for _ in range(20):
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        if (
-            np.square(_at(time, temperature, common, film_lag, left).residuals).sum()
-            < np.square(_at(time, temperature, common, film_lag, right).residuals).sum()
-        ):
-            high = right
-        else:
-            low = left
-    return _at(time, temperature, common, film_lag, 0.5 * (low + high))
+
+    def squares(lag: float) -> float:
+        return float(np.square(_at(time, temperature, common, film_lag, lag).residuals).sum())
+
+    best = int(np.argmin([squares(lag) for lag in LAGS]))
+    at_limit = best in (0, len(LAGS) - 1)
+    lag = LAGS[best] if at_limit else golden_section(squares, LAGS[best - 1], LAGS[best + 1], 20)
+    return _at(time, temperature, common, film_lag, lag)
 
 
 def _at(time: Array, temperature: Array, common: Array, film_lag: float, lag: float) -> TemperatureFit:

@@ -10,12 +10,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from posfet_model._lib.minima import golden_section
 from posfet_model.amplifier.closed_loop import ClosedLoop, close_loop
 from posfet_model.amplifier.follower import (
     IdealFollower,
@@ -179,21 +180,5 @@ def fit_overdrive(run: FollowerRun, model: SlewModel) -> float:
     low, high = (math.log(v) for v in OVERDRIVE_SEARCH)
     grid = np.linspace(low, high, 15)
     best = int(np.argmin([rms(float(point)) for point in grid]))
-    return math.exp(_golden_section(rms, float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
-
-
-def _golden_section(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return the position of the minimum between low and high, by golden-section search, to 1/1000 of the bracket."""
-    golden = (math.sqrt(5) - 1) / 2
-    left, right = high - golden * (high - low), low + golden * (high - low)
-    at_left, at_right = function(left), function(right)
-    for _ in range(14):
-        if at_left < at_right:
-            high, right, at_right = right, left, at_left
-            left = high - golden * (high - low)
-            at_left = function(left)
-        else:
-            low, left, at_left = left, right, at_right
-            right = low + golden * (high - low)
-            at_right = function(right)
-    return 0.5 * (low + high)
+    # To 1/1000 of the bracket.
+    return math.exp(golden_section(rms, float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)]), 14))

@@ -31,6 +31,7 @@ from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.decoder import Decoder
+from posfet_model._lib.minima import golden_section
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
@@ -64,8 +65,8 @@ MAINS_PERIODS: Final = (1.0 / 50.0, 1.0 / 60.0)
 LEAK_RANGE: Final = (0.5, 2.0)
 """Range of the leakage time constant, over the nominal one [1]."""
 
-LEAK_STEP: Final = 1e-3
-"""Relative step to which it is found [1]: the delay is wrong by less than 5 us."""
+LEAK_STEPS: Final = 16
+"""Steps in which it is found [1], to 1e-3: the delay is wrong by less than 5 us."""
 
 MIN_CORRELATION: Final = 0.5
 """Minimum correlation of the rates in the two files [1]."""
@@ -297,18 +298,8 @@ def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
     )
     nominal = sensor.device.leak_time_constant
     low, high = (math.log(limit * nominal) for limit in LEAK_RANGE)
-    golden = 0.5 * (math.sqrt(5.0) - 1.0)
-    lower, upper = (
-        correlation.best(math.exp(at)) for at in (high - golden * (high - low), low + golden * (high - low))
-    )
-    while high - low > LEAK_STEP:
-        if lower > upper:
-            high, upper = low + golden * (high - low), lower
-            lower = correlation.best(math.exp(high - golden * (high - low)))
-        else:
-            low, lower = high - golden * (high - low), upper
-            upper = correlation.best(math.exp(low + golden * (high - low)))
-    best, delay = max(lower, upper)
+    found = golden_section(lambda at: -correlation.best(math.exp(at))[0], low, high, LEAK_STEPS)
+    best, delay = correlation.best(math.exp(found))
     if not best > MIN_CORRELATION:
         raise ValueError(f"the reference does not match the recording within {MAX_DELAY:g} s: compare the clocks")
     return delay
