@@ -461,10 +461,10 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
-        of_film = np.zeros_like(response)
-        of_film[:, Shared.FILM], response[:, Shared.FILM] = response[:, Shared.FILM], 0.0
-        shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops + of_film @ belief.shared
-        belief.know_force(np.ones_like(self.ignored), shown, of_film, self._noise_variance)
+        left = np.zeros_like(response)
+        left[:, Shared.FILM] = response[:, Shared.FILM]
+        shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops
+        belief.know_force(np.ones_like(self.ignored), shown, left, self._noise_variance)
         mean, prior = start_mean(p), start_covariance(p)
         for state in np.flatnonzero(OF_TOUCH).tolist():
             belief.restart(state, float(mean[state]), float(prior[state, state]))
@@ -1158,7 +1158,7 @@ class ForceEstimator:
         self.force[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
         shown, variance = self._correction - self._touch.loops, self._noise_variance + belief.own[:, 1, 1]
-        belief.know_force(np.ones(len(signal), np.bool_), shown, self._response_now(), variance)
+        belief.know_force(np.ones(len(signal), np.bool_), shown, self._touch.matrix(), variance)
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._usual_offset[:] = belief.error[:, 1]
@@ -1174,14 +1174,6 @@ class ForceEstimator:
         self._restart(~self.offset_known)
         self._start_block()
 
-    def _response_now(self) -> Array:
-        """Return the responses of the force errors as they are now, half a block after the shared states."""
-        response = self._touch.matrix()
-        film = self._dynamics.transition(self.belief.shared, 0.5 * self._last_duration)[1][Shared.FILM]
-        thermal = [Shared.CHIP, Shared.RATE, Shared.FILM]
-        response[:, thermal] = self._per_kelvin[:, None] * film[thermal]
-        return response
-
     def _restart(self, where: Mask) -> None:
         """Restart the masked taxels: no force, and the signal is offset, or charge left by an earlier force.
 
@@ -1195,7 +1187,7 @@ class ForceEstimator:
         belief.error[where, 3] = belief.error[where, 4] = 0.0
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
-        belief.know_force(where, self._raw - self._touch.loops, self._response_now(), noise)
+        belief.know_force(where, self._raw - self._touch.loops, self._touch.matrix(), noise)
         belief.own[where, 3, 3] = self._priors.pyroelectric**2
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.

@@ -264,12 +264,11 @@ void ForceEstimator::forget_touch() {
   const SquareMatrix prior = priors_.covariance();
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    double* response = response_.data() + taxel * kSharedStates;
-    std::array<double, kSharedStates> of_film{};
-    std::swap(of_film[kFilm], response[kFilm]);
-    const double error = b.error_of(taxel)[kForceError] + dot(response, b.shared.data(), kSharedStates);
-    b.know_force(taxel, error + touch_.loops()[taxel] + of_film[kFilm] * b.shared[kFilm], of_film.data(),
-                 noise_variance_[taxel]);
+    const double* response = response_.data() + taxel * kSharedStates;
+    const double shown = b.error_of(taxel)[kForceError] + dot(response, b.shared.data(), kSharedStates);
+    std::array<double, kSharedStates> left{};
+    left[kFilm] = response[kFilm];
+    b.know_force(taxel, shown + touch_.loops()[taxel], left.data(), noise_variance_[taxel]);
   }
   for (std::size_t state = 0; state < kSharedStates; ++state) {
     if (!is_of_touch(state)) {
@@ -298,7 +297,7 @@ void ForceEstimator::start(const double* charge) {
   }
   std::vector<double>& before = values_;
   std::vector<double>& remaining = noise_;
-  find_response_now();
+  touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     leaked_[taxel] = s.raw[taxel] - signal(taxel);
     const double left = s.offset_known[taxel] ? signal(taxel) - offset(taxel) : 0.0;
@@ -353,18 +352,6 @@ void ForceEstimator::integrate(double time) {
   belief()->integrate(leaked_share_.data(), driven_.data());
 }
 
-/// Find the responses of the force errors as they are now, half a block after the shared states.
-void ForceEstimator::find_response_now() {
-  touch_.matrix(response_);
-  const double* film =
-      dynamics_.transition(belief()->shared, 0.5 * last_duration_).matrix.data() + kFilm * kSharedStates;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    for (const std::size_t state : {kChip, kRate, kFilm}) {
-      response_[taxel * kSharedStates + state] = array_.newton_per_kelvin[taxel] * film[state];
-    }
-  }
-}
-
 /// Restart taxels: no force, and the signal is offset, or charge left by an earlier force. After each rejection the
 /// deviation of that charge is larger.
 void ForceEstimator::restart(const TaxelFlags& where) {
@@ -373,7 +360,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
   }
   ForceIntegration::State& s = state();
   Belief& b = *belief();
-  find_response_now();
+  touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     leaked_share_[taxel] = driven_[taxel * kSharedStates + kDrift] = 0.0;
     if (!where[taxel]) {

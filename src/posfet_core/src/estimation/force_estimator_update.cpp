@@ -126,7 +126,8 @@ void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& 
   warmer[kDrift] = -mean_per_kelvin_;
   warmer[kChip] = SharedDynamics::sensor_lag(b.shared);
   warmer[kFilm] = warmer[kChip] - array_.film_lag;
-  filter_.restart_temperature(block.reading, b.shared.data(), priors_.covariance().data());
+  const std::vector<double> same = b.shared;  // lag and scale
+  filter_.restart_temperature(block.reading, same.data(), priors_.covariance().data());
   filter_.admit(warmer.data(), square(found.deviation));
   for (std::size_t state = 0; state < kSharedStates; ++state) {
     b.shared[state] += warmer[state] * found.rate;

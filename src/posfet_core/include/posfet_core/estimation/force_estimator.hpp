@@ -178,7 +178,6 @@ private:
   void start_over();
   void observe_earlier_warming(const Block& block);
   void adopt_earlier_warming(const Block& block, const FoundRate& found);
-  void find_response_now();
   void integrate(double time);
   void start_block();
   void restart(const TaxelFlags& where);
