@@ -186,6 +186,7 @@ def test_a_thousand_reopenings_leave_no_descriptor_and_no_thread() -> None:
         with pytest.raises(can.CanError, match="gone"):
             bus.read(0.1)
         bus.fail()
-    assert len(list(Path("/proc/self/fd").iterdir())) == descriptors
-    assert threading.active_count() == threads
+    # What other tests left may go meanwhile.
+    assert len(list(Path("/proc/self/fd").iterdir())) <= descriptors
+    assert threading.active_count() <= threads
     assert bus.opened == 1000

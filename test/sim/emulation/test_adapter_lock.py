@@ -70,5 +70,5 @@ def test_nothing_is_left_of_an_adapter_that_cannot_be_opened(tmp_path: Path, mon
         patch.setattr(Path, "replace", fail)
         adapter(tmp_path / "can0").open()
     assert [path.name for path in tmp_path.iterdir()] == [".can0.lock"]
-    assert len(os.listdir("/proc/self/fd")) == descriptors
+    assert len(os.listdir("/proc/self/fd")) <= descriptors  # what other tests left may go meanwhile
     assert not is_served(tmp_path / "can0")

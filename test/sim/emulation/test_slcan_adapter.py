@@ -476,7 +476,9 @@ def test_a_thousand_reopenings_of_the_port_leave_no_descriptor_and_no_thread(sen
         for _ in range(1000):
             bus.connect()
             bus.fail()
-        assert (len(os.listdir("/proc/self/fd")), threading.active_count()) == (descriptors, threads)
+        # What other tests left may go meanwhile.
+        assert len(os.listdir("/proc/self/fd")) <= descriptors
+        assert threading.active_count() <= threads
         assert bus.opened == 1000
     finally:
         adapter.close()
