@@ -153,6 +153,30 @@ def test_a_chip_that_warms_fast_may_soon_warm_less() -> None:
     assert ErrorPriors().rate_change >= 1.0
 
 
+def test_a_slow_drift_goes_on_where_the_lag_of_the_sensors_is_known() -> None:
+    # If its rate could change as soon as that of a warm finger, a pad on all taxels would be taken for a change of it.
+    def share(priors: ErrorPriors, rate: float) -> float:
+        moving, steady = state(), state()
+        moving[Shared.RATE], steady[Shared.RATE] = rate, 0.0
+        model = SharedDynamics(priors, 0.06)
+        noise = [model.transition(each, BLOCK)[2][Shared.RATE, Shared.RATE] for each in (moving, steady)]
+        return math.sqrt((noise[0] - noise[1]) / BLOCK) / abs(rate)
+
+    priors = ErrorPriors()
+    known = priors.with_calibration(calibration(temperature_sensor_lag=0.1))
+    for rate in (0.5 / 60.0, -3.0):
+        assert share(priors, rate) == pytest.approx(priors.rate_change, rel=1e-6)
+    assert share(known, -0.5 / 60.0) < 0.2 * priors.rate_change
+    assert share(known, 3.0) > 0.9 * priors.rate_change
+
+
+@pytest.mark.parametrize(("lag", "deviation"), [(0.002, 0.0162), (0.1, 0.0335), (1.0, 0.3004)])
+def test_a_lag_of_the_sensors_is_known_as_well_as_readings_show_it(lag: float, deviation: float) -> None:
+    # Its logarithm is the state. Known to 30 %, sensors without lag made scale and temperature wrong in its place.
+    known = ErrorPriors().with_calibration(calibration(temperature_sensor_lag=lag))
+    assert known.lag_spread * known.lag == pytest.approx(deviation, rel=0.01)
+
+
 def test_in_ten_minutes_a_constant_state_forgets_as_much_as_was_unknown_at_the_start() -> None:
     priors = ErrorPriors()
     gained = np.diag(dynamics().transition(state(), SharedDynamics.FORGET)[2])

@@ -82,7 +82,7 @@ class SharedDynamics:
 
     def __init__(self, priors: ErrorPriors, film_lag: float) -> None:
         self._film_lag = film_lag
-        self._rate_change = priors.rate_change
+        self._rate_change, self._slow_rate = priors.rate_change, priors.slow_rate
         rates = np.diag(start_covariance(priors)).copy() / self.FORGET
         rates[Shared.RATE] = priors.rate_walk**2
         rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
@@ -123,7 +123,11 @@ class SharedDynamics:
                 state[Shared.RATE] * (duration * left - time * gone) - behind * left * ratio
             )
         noise = self._noise * duration
-        noise[Shared.RATE, Shared.RATE] += (self._rate_change * state[Shared.RATE]) ** 2 * duration
+        rate = abs(state[Shared.RATE])
+        if rate:
+            noise[Shared.RATE, Shared.RATE] += (
+                (self._rate_change * rate) ** 2 * duration * rate / (rate + self._slow_rate)
+            )
         return after, matrix, noise
 
     def maneuver(self, state: Array, duration: float) -> Array:

@@ -64,7 +64,7 @@ SquareMatrix ErrorPriors::covariance() const {
 }
 
 SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
-    : film_lag_(film_lag), rate_change_(priors.rate_change), noise_(priors.covariance()) {
+    : film_lag_(film_lag), rate_change_(priors.rate_change), slow_rate_(priors.slow_rate), noise_(priors.covariance()) {
   for (double& variance : noise_) {
     variance /= kForget;
   }
@@ -107,8 +107,10 @@ SharedTransition& SharedDynamics::transition(const std::vector<double>& state, d
   }
   std::transform(noise_.begin(), noise_.end(), transition_.noise.begin(),
                  [duration](double each) { return each * duration; });
-  const double change = rate_change_ * state[kRate];
-  transition_.noise[at(kRate, kRate)] += change * change * duration;
+  if (const double rate = std::abs(state[kRate]); rate > 0.0) {
+    const double change = rate_change_ * rate;
+    transition_.noise[at(kRate, kRate)] += change * change * duration * rate / (rate + slow_rate_);
+  }
   return transition_;
 }
 

@@ -433,11 +433,12 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 27> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 28> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
       {"rate_change", &ErrorPriors::rate_change},
+      {"slow_rate", &ErrorPriors::slow_rate},
       {"touch_rate", &ErrorPriors::touch_rate},
       {"fastest", &ErrorPriors::fastest},
       {"lag", &ErrorPriors::lag},

@@ -82,10 +82,14 @@ class ErrorPriors:
     """Random walk of that rate [K/s/sqrt(s)], and"""
     rate_change: float = 3.0
     """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
+    slow_rate: float = 0.0
+    """Rate below which that share falls with the square root of the rate [K/s]: a slow drift goes on."""
+    slow_rate_calibrated: float = 0.6
+    """The same with calibration [K/s]: where the sensors' lag is known, they would show it."""
     touch_rate: float = 0.01
     """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""
-    touch_rate_calibrated: float = 2e-3
-    """The same with calibration [K/s/N], and"""
+    touch_rate_calibrated: float = 0.015
+    """The same with calibration [K/s/N], where bending is known: the rest that untouched taxels show is warmth, and"""
     touch_rate_share: float = 0.25
     """as a share of what is expected [1]."""
     chip_times: tuple[float, ...] = (0.1, 1.0, 10.0)
@@ -101,7 +105,9 @@ class ErrorPriors:
     lag_spread: float = 0.8
     """Standard deviation of its logarithm [1]."""
     lag_spread_calibrated: float = 0.3
-    """The same with calibration [1]."""
+    """The same with calibration [1], and"""
+    lag_resolution: float = 0.015
+    """the standard deviation of that lag beyond it [s]: readings come ten times a second."""
     scale: float = 0.04
     """Scale of the temperature sensors [1]."""
     reading: float = 4e-3
@@ -188,7 +194,8 @@ class ErrorPriors:
         }
         if calibration.temperature_sensor_lag > 0.0:
             lag = max(calibration.temperature_sensor_lag, self.lag_least)
-            found |= {"lag": lag, "lag_spread": self.lag_spread_calibrated}
+            spread = math.hypot(self.lag_spread_calibrated, self.lag_resolution / lag)
+            found |= {"lag": lag, "lag_spread": spread, "slow_rate": self.slow_rate_calibrated}
         if calibration.warmth_observed:
             deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}

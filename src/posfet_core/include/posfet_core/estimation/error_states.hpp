@@ -29,6 +29,7 @@ struct ErrorPriors {
   double rate;
   double rate_walk;
   double rate_change;
+  double slow_rate;
   double touch_rate;
   std::array<double, kWarmings> chip_times;
   std::array<double, kWarmings> chip_warming;
@@ -110,6 +111,7 @@ public:
 private:
   double film_lag_;
   double rate_change_;
+  double slow_rate_;
   SquareMatrix noise_;  ///< Of the process, in each second.
   SharedTransition transition_;
   std::vector<double> maneuver_;
