@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -57,6 +58,7 @@ def test_a_prepared_lock_file_is_neither_followed_nor_made_nor_waited_for(tmp_pa
 
 
 def test_nothing_is_left_of_an_adapter_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gc.collect()  # of what other tests left
     descriptors = len(os.listdir("/proc/self/fd"))
 
     def fail(*_: object) -> None:

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import select
 import threading
@@ -472,6 +473,7 @@ def test_a_thousand_reopenings_of_the_port_leave_no_descriptor_and_no_thread(sen
     adapter.open()
     try:
         bus = ReconnectingBus(slcan_opener(link), None, SystemClock())
+        gc.collect()  # of what other tests left
         descriptors, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
         for _ in range(1000):
             bus.connect()

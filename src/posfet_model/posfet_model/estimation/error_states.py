@@ -89,7 +89,7 @@ class ErrorPriors:
     touch_rate: float = 0.01
     """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""
     touch_rate_calibrated: float = 0.015
-    """The same with calibration [K/s/N], where bending is known: the rest that untouched taxels show is warmth, and"""
+    """The same with calibration [K/s/N], where bending is known: the rest of a common change is temperature, and"""
     touch_rate_share: float = 0.25
     """as a share of what is expected [1]."""
     chip_times: tuple[float, ...] = (0.1, 1.0, 10.0)
