@@ -710,6 +710,7 @@ class SteadyForce:
 
 STEP_HALF: Final[int]
 
+def recurrence(decay: ArrayLike, change: ArrayLike) -> NDArray[np.float64]: ...
 def signal_steps(
     time: ArrayLike, force: ArrayLike, noise: ArrayLike, time_constant: ArrayLike
 ) -> NDArray[np.float64]: ...

@@ -13,7 +13,7 @@
 namespace posfet {
 
 /// Charges and forces of a scan: scan clock, crosstalk, bursts, integration, history of the counts.
-void bind_scan_parts(const pybind11::module_& module);
+void bind_scan_parts(pybind11::module_& module);
 
 /// Mains hum.
 void bind_hum(const pybind11::module_& module);

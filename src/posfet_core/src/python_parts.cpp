@@ -128,6 +128,30 @@ void bind_bursts(const py::module_& module) {
   module.attr("MOST_IN_A_ROW") = kMostInARow;
 }
 
+py::array_t<double> recurrence(const Values& decay, const Values& change) {
+  if (decay.ndim() != 1 || change.ndim() != 2 || change.shape(0) != decay.size()) {
+    throw std::invalid_argument("change must have two dimensions, and a row for each value of decay");
+  }
+  const py::ssize_t steps = change.shape(0);
+  const py::ssize_t columns = change.shape(1);
+  py::array_t<double> states({steps + 1, columns});
+  double* state = states.mutable_data();
+  const double* added = change.data();
+  std::fill(state, state + columns, 0.0);
+  for (py::ssize_t step = 0; step < steps; ++step, state += columns, added += columns) {
+    const double kept = decay.data()[step];
+    for (py::ssize_t column = 0; column < columns; ++column) {
+      state[columns + column] = kept * state[column] + added[column];
+    }
+  }
+  return states;
+}
+
+void bind_recurrence(py::module_& module) {
+  module.def("recurrence", &recurrence, py::arg("decay"), py::arg("change"),
+             "Return the states x of x[k + 1] = decay[k]*x[k] + change[k], from x[0] = 0.");
+}
+
 /// A writable view of one of the values that each taxel holds.
 template <std::vector<double> ForceIntegration::State::* Member>
 py::array state_of(const py::object& self) {
@@ -311,13 +335,14 @@ void bind_history(const py::module_& module) {
 
 }  // namespace
 
-void bind_scan_parts(const py::module_& module) {
+void bind_scan_parts(py::module_& module) {
   bind_clock(module);
   bind_crosstalk(module);
   bind_bursts(module);
   bind_thermometers(module);
   bind_integration(module);
   bind_history(module);
+  bind_recurrence(module);
 }
 
 }  // namespace posfet

@@ -13,15 +13,12 @@ Sources are piecewise linear between scans. The charge x of a taxel, as a nomina
 
 from __future__ import annotations
 
-from typing import Final
+import math
 
 import numpy as np
 
+from posfet_core import scan_path
 from posfet_model._lib.types import Array
-
-MAX_REACH: Final = 200.0
-"""Time constants over which a response is one running sum of terms that grow with exp(t/tau): exp(200) is far below the
-largest float64, and rounding is relative to the latest terms."""
 
 
 def high_pass(time: Array, source: Array, time_constant: float) -> Array:
@@ -42,7 +39,7 @@ def high_pass(time: Array, source: Array, time_constant: float) -> Array:
         Response y with ``dy/dt = du/dt - y/tau``, in the unit and shape of the source.
     """
     ratio = np.diff(time) / time_constant
-    return _recurrence(ratio, np.diff(source, axis=0), source.shape)
+    return _recurrence(ratio, np.diff(source, axis=0))
 
 
 def low_pass(time: Array, source: Array, time_constant: float) -> Array:
@@ -72,25 +69,10 @@ def low_pass(time: Array, source: Array, time_constant: float) -> Array:
     return slow
 
 
-def _recurrence(ratio: Array, change: Array, shape: tuple[int, ...]) -> Array:
-    response = np.zeros(shape)
-    if len(ratio) == 0:
-        return response
-    columns = change.reshape(len(ratio), -1) * (-np.expm1(-ratio) / np.maximum(ratio, 1e-300))[:, None]
-    reach = np.cumsum(ratio)
-    solved = np.empty_like(columns)
-    state = np.zeros(columns.shape[1])
-    pieces = np.flatnonzero(np.diff(np.floor(reach / MAX_REACH))) + 1
-    for begin, end in zip((0, *pieces), (*pieces, len(ratio)), strict=True):
-        growth = np.exp(reach[begin:end] - reach[begin])[:, None]
-        first = state * np.exp(-ratio[begin])
-        piece = solved[begin:end]
-        np.cumsum(columns[begin:end] * growth, axis=0, out=piece)
-        piece += first
-        piece /= growth
-        state = piece[-1].copy()
-    response[1:] = solved.reshape(change.shape)
-    return response
+def _recurrence(ratio: Array, change: Array) -> Array:
+    columns = change.shape[1:]
+    passed = change.reshape(len(ratio), math.prod(columns)) * (-np.expm1(-ratio) / np.maximum(ratio, 1e-300))[:, None]
+    return scan_path.recurrence(np.exp(-ratio), passed).reshape(len(ratio) + 1, *columns)
 
 
 def block_means(values: Array, size: int) -> Array:

@@ -192,13 +192,14 @@ class _System:
             model = responses[:, :sources] @ at.coefficients + at.starts[index] * decay
             model += at.gain * (responses[:, sources:] @ common)
             slope = -tau * low_pass(part.time, model, tau) * with_rate
-            columns = np.zeros((len(elapsed), sources + 1 + 2 * len(parts)))
-            columns[:, :sources] = responses[:, :sources]
-            columns[:, sources] = slope
+            means = block_means(np.column_stack([responses, slope, decay]), size)
+            columns = np.zeros((len(means), sources + 1 + 2 * len(parts)))
+            columns[:, :sources] = means[:, :sources]
+            columns[:, sources] = means[:, -2]
             columns[:, sources + 1 + 2 * index] = 1.0
-            columns[:, sources + 2 + 2 * index] = decay
-            rows.append(block_means(columns, size))
-            self._common_rows.append(block_means(at.gain * responses[:, sources:], size))
+            columns[:, sources + 2 + 2 * index] = means[:, -1]
+            rows.append(columns)
+            self._common_rows.append(at.gain * means[:, sources:-2])
             self._signal.append(block_means(part.signal, size))
             self._used.append(part.fitted)
         self._sources, self._rows = sources, rows
