@@ -57,7 +57,7 @@ MARKERS = (
     "ros: needs rclpy and the built posfet_msgs",
     "process: starts real processes and waits for their topics",
     "spice: needs ngspice on PATH",
-    "slow: measures against the wall clock, on a machine with nothing else to do; run by make soak",
+    "slow: takes long, or measures against the wall clock, on a machine with nothing else to do; run by make soak",
     "vm: needs the CAN interfaces of the virtual machine, or the emulated Cortex-M board; run by make test-vm",
 )
 WARNINGS = (

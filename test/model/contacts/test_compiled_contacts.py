@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -27,6 +27,7 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import force_noise_rms
 from reference.contacts import assignment, detection, slip, tracker
 from support.contact_comparison import TOLERANCE, assert_same, assert_same_motions
+from support.example_counts import each_of, examples
 
 SENSOR = load_sensor()
 BLOCK = 5
@@ -197,16 +198,14 @@ def play(story: Story) -> None:
         before = player.force.copy()
 
 
-@given(stories(8))
-@settings(max_examples=150)
-def test_contacts_on_small_arrays_equal_those_of_the_reference(story: Story) -> None:
-    play(story)
+@examples(40, 150)
+def test_contacts_on_small_arrays_equal_those_of_the_reference(count: int) -> None:
+    each_of(count, stories(8), play)
 
 
-@given(stories(64))
-@settings(max_examples=20)
-def test_contacts_on_large_arrays_equal_those_of_the_reference(story: Story) -> None:
-    play(replace(story, scans=12))
+@examples(6, 20)
+def test_contacts_on_large_arrays_equal_those_of_the_reference(count: int) -> None:
+    each_of(count, stories(64), lambda story: play(replace(story, scans=12)))
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 64), (64, 1), (64, 64)])

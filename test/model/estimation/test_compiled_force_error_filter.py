@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from posfet_core.scan_path import OWN_STATES as OWN
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from reference import force_error_filter as plain
 from reference.estimation.error_states import start_belief, start_covariance, start_mean
+from support.example_counts import each_of, examples
 
 Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")
@@ -135,21 +135,28 @@ class Both:
         return self._where(), int(self.random.integers(OWN))
 
 
-@given(
+CASES = st.tuples(
     st.integers(1, 64),
     st.sampled_from([1, 2, 5, COUNT]),
     st.integers(0, 2**32 - 1),
     st.lists(st.sampled_from(STEPS), min_size=1, max_size=8),
 )
-@settings(max_examples=150, deadline=None)
-def test_any_steps_give_the_same_belief(taxels: int, states: int, seed: int, steps: list[str]) -> None:
+"""Numbers of taxels and of states, seed, steps."""
+
+
+@examples(50, 150)
+def test_any_steps_give_the_same_belief(count: int) -> None:
+    each_of(count, CASES, lambda case: compare(*case))
+
+
+def compare(taxels: int, states: int, seed: int, steps: list[str]) -> None:
     both = Both(taxels, states, seed)
     for kind in steps:
         if states == COUNT or "temperature" not in kind:
             both.step(kind)
 
 
-@pytest.mark.parametrize("taxels", [1, 256, 4096])
+@pytest.mark.parametrize("taxels", [1, 256, pytest.param(4096, marks=pytest.mark.slow)])
 def test_arrays_of_any_size_have_the_same_belief(taxels: int) -> None:
     both = Both(taxels, COUNT, taxels)
     for kind in ("predict", "update", "measure_temperature", "predict", "update_alone"):

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,6 +27,7 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation import force_estimator as plain
 from reference.estimation.error_states import start_covariance, start_mean
+from support.example_counts import each_of, examples
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -308,16 +308,14 @@ def play(story: Story, blocks: int) -> Counter[str]:
     return both.seen
 
 
-@settings(deadline=None, max_examples=25)
-@given(stories(6))
-def test_both_estimators_agree(story: Story) -> None:
-    play(story, 90)
+@examples(6, 25)
+def test_both_estimators_agree(count: int) -> None:
+    each_of(count, stories(6), lambda story: play(story, 90))
 
 
-@settings(deadline=None, max_examples=3)
-@given(stories(16))
-def test_both_agree_on_large_arrays(story: Story) -> None:
-    play(story, 60)
+@examples(1, 3)
+def test_both_agree_on_large_arrays(count: int) -> None:
+    each_of(count, stories(16), lambda story: play(story, 60))
 
 
 def test_both_agree_on_the_largest_array() -> None:

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from posfet_core.scan_path import ForceIntegration
 from reference import force_integration
+from support.example_counts import each_of, examples
 
 TAU = np.array([0.05, 0.3, 40.0])
 PER_CHARGE = np.array([2e4, -1e5, 5e4])
@@ -102,12 +103,20 @@ def test_a_jump_leaks_by_an_unknown_share_of_a_long_step() -> None:
     assert forces.jumped == pytest.approx(lost**2)
 
 
-@given(
+CASES = st.tuples(
     st.one_of(st.integers(1, 100), st.integers(1, 64).map(lambda side: side * side)),
     st.integers(0, 2**32 - 1),
     st.sampled_from([0.0, 0.1, 1.0]),
 )
-def test_every_scan_is_as_by_the_reference(taxels: int, seed: int, ill: float) -> None:
+"""Number of taxels, seed, share of faulty ones."""
+
+
+@examples(20, 100)
+def test_every_scan_is_as_by_the_reference(count: int) -> None:
+    each_of(count, CASES, lambda case: compare(*case))
+
+
+def compare(taxels: int, seed: int, ill: float) -> None:
     """Jittered steps, gaps of lost scans, blocks, corrections, faulty taxels, touches, films that warm."""
     random = np.random.default_rng(seed)
     tau, per_kelvin = random.uniform(0.01, 60.0, taxels), random.uniform(-0.2, -0.1, taxels)

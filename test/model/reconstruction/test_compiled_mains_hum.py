@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posfet_model.reconstruction.mains_hum import MainsHum
 from reference import mains_hum
+from support.example_counts import each_of, examples
 
 ROUNDING = 1e-9
 """Sums over a window are in another order, and what differs is in the next window [noise of a reading]."""
@@ -104,16 +104,14 @@ def play(story: Story, blocks: int) -> int:
     return present
 
 
-@given(stories(64))
-@settings(max_examples=100)
-def test_hum_of_small_arrays_is_estimated_as_by_the_reference(story: Story) -> None:
-    play(story, 150)
+@examples(20, 100)
+def test_hum_of_small_arrays_is_estimated_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(64), lambda story: play(story, 150))
 
 
-@given(stories(256))
-@settings(max_examples=10)
-def test_hum_of_large_arrays_is_estimated_as_by_the_reference(story: Story) -> None:
-    play(story, 80)
+@examples(3, 10)
+def test_hum_of_large_arrays_is_estimated_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(256), lambda story: play(story, 80))
 
 
 def test_hum_of_the_largest_array_is_estimated_as_by_the_reference() -> None:

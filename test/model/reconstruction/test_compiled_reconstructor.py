@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -26,6 +25,7 @@ from posfet_model.sensor.description import ContactThresholds, Sensor, load_sens
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain, volts_per_count
 from reference import reconstructor as reference
+from support.example_counts import each_of, examples
 
 SENSOR = load_sensor()
 START = 1_700_000_000_000_000_000
@@ -192,16 +192,14 @@ def play(story: Story, scans: int) -> Reconstructor:
     return both.compiled
 
 
-@given(stories(8))
-@settings(max_examples=40)
-def test_small_arrays_are_reconstructed_as_by_the_reference(story: Story) -> None:
-    play(story, 500)
+@examples(10, 40)
+def test_small_arrays_are_reconstructed_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(8), lambda story: play(story, 500))
 
 
-@given(stories(16))
-@settings(max_examples=5)
-def test_large_arrays_are_reconstructed_as_by_the_reference(story: Story) -> None:
-    play(story, 200)
+@examples(2, 5)
+def test_large_arrays_are_reconstructed_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(16), lambda story: play(story, 200))
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 16), (64, 64)])

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -37,6 +36,7 @@ from posfet_model.sensor.signal_chain import (
 )
 from reference import force_integration, hum_filter, scan_path
 from support.contact_comparison import TOLERANCE, assert_same, assert_same_motions
+from support.example_counts import each_of, examples
 
 SENSOR = load_sensor()
 BLOCK = 7
@@ -287,16 +287,14 @@ def play(story: Story, scans: int) -> ScanPath:
     return both.compiled
 
 
-@given(stories(8))
-@settings(max_examples=150)
-def test_scans_of_small_arrays_equal_those_of_the_reference(story: Story) -> None:
-    play(story, 40)
+@examples(30, 150)
+def test_scans_of_small_arrays_equal_those_of_the_reference(count: int) -> None:
+    each_of(count, stories(8), lambda story: play(story, 40))
 
 
-@given(stories(64))
-@settings(max_examples=15)
-def test_scans_of_large_arrays_equal_those_of_the_reference(story: Story) -> None:
-    play(story, 15)
+@examples(5, 15)
+def test_scans_of_large_arrays_equal_those_of_the_reference(count: int) -> None:
+    each_of(count, stories(64), lambda story: play(story, 15))
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 64), (64, 1), (64, 64)])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from posfet_model.sensor.skin_response import SkinResponse
 from reference import skin_response, taxel_faults, telegraph_noise
 from reference.neighbour_estimate import NeighbourInterpolation
 from support.contact_comparison import TOLERANCE
+from support.example_counts import each_of, examples
 
 SENSOR = load_sensor()
 FAULTS = ("none", "stuck", "dead", "noisy", "very noisy", "telegraph", "saturated", "held")
@@ -161,16 +162,14 @@ def play(story: Story, blocks: int) -> set[int]:
     return found
 
 
-@given(stories(8))
-@settings(max_examples=150)
-def test_small_arrays_are_tested_as_by_the_reference(story: Story) -> None:
-    play(story, 60)
+@examples(30, 150)
+def test_small_arrays_are_tested_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(8), lambda story: play(story, 60))
 
 
-@given(stories(16))
-@settings(max_examples=20)
-def test_large_arrays_are_tested_as_by_the_reference(story: Story) -> None:
-    play(story, 30)
+@examples(5, 20)
+def test_large_arrays_are_tested_as_by_the_reference(count: int) -> None:
+    each_of(count, stories(16), lambda story: play(story, 30))
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 16), (16, 1), (64, 64)])
