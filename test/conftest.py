@@ -23,6 +23,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.sensor.description import Sensor, load_sensor
 from support import interrupts
 from support.clocks import POLL
@@ -156,6 +157,15 @@ def waits_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _shortly(read_frames: Callable[[Any, float], list[Any]]) -> Callable[[Any, float], list[Any]]:
     return lambda bus, timeout: read_frames(bus, min(timeout, POLL))
+
+
+@pytest.fixture(scope="session")
+def shared_calibrate(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Calibration]:
+    """`simulated_bench.calibrate`, which calibrates each board once in a run; the workers of pytest-xdist share it."""
+    from support.calibrations import SharedCalibrations  # noqa: PLC0415  # only where there is posfet_sim
+
+    base = tmp_path_factory.getbasetemp()
+    return SharedCalibrations((base.parent if base.name.startswith("popen-") else base) / "calibrations")
 
 
 @pytest.fixture(scope="session")

@@ -62,9 +62,9 @@ def _report(environment: dict[str, str], *plugins: str) -> str:
     ("forbidden", "libm"),
     [
         pytest.param(AVX512, {}, id="NumPy without AVX-512"),
-        pytest.param(AVX2, {}, id="NumPy without AVX-512 and AVX2"),
-        pytest.param([], PLAIN_LIBM, id="libm without FMA and AVX2"),
-        pytest.param(AVX512, PLAIN_LIBM, id="NumPy without AVX-512, libm without FMA and AVX2"),
+        pytest.param(AVX2, {}, id="NumPy without AVX-512 and AVX2", marks=pytest.mark.slow),
+        pytest.param([], PLAIN_LIBM, id="libm without FMA and AVX2", marks=pytest.mark.slow),
+        pytest.param(AVX512, PLAIN_LIBM, id="NumPy without AVX-512, libm without FMA and AVX2", marks=pytest.mark.slow),
         pytest.param(AVX2, PLAIN_LIBM, id="NumPy and libm without AVX-512, FMA and AVX2"),
     ],
 )
@@ -93,7 +93,7 @@ def test_tables_are_reproduced_without_the_newer_instructions(
         assert found.libm != usual.libm, "libm gives the same bits: the names of its tunables have changed"
 
 
-@pytest.mark.parametrize("seed", ["0", "1"])
+@pytest.mark.parametrize("seed", ["0", pytest.param("1", marks=pytest.mark.slow)])
 def test_tables_are_reproduced_with_functions_at_the_allowed_error(seed: str, record_property) -> None:
     """For every machine, also those that no variable can emulate; see `support.inexact`."""
     found = machine.read(_report({"INEXACT_SEED": seed}, "support.inexact", "support.machine"))

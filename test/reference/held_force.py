@@ -15,6 +15,7 @@ and individual offsets. They are at rest, then all pressed with the same force. 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
@@ -182,29 +183,30 @@ def hold(
     random = np.random.default_rng([seed, 3])
     wrong = COMMON_LEAKAGE * random.standard_normal() + OWN_LEAKAGE * random.standard_normal(taxels)
     leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
-    optimal = _OptimalEstimator(sensor, flicker, drift, leakage)
+    optimal = None if untouched else _OptimalEstimator(sensor, flicker, drift, leakage)
     # Both estimators know that the ramp begins with the touch.
     touch_rate = drift.ramp / (force * (taxels - untouched)) if drift else 0.0
     estimated, touched = _estimated(sensor, leakage_estimated, touch_rate), np.zeros(taxels, np.bool_)
-    recent: list[NDArray[np.float64]] = []
+    recent: deque[NDArray[np.float64]] = deque(maxlen=100)
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
     signals = _signals(sensor, seed, start, force * pressed, flicker, drift, leakage)
     for index, (rise, signal, readings) in enumerate(signals):
         _observe(estimated, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
-        best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
-        recent = [*recent[-99:], estimated.force.copy()]
+        if optimal:
+            best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
+        recent.append(estimated.force.copy())
         held = (index + 1 - start) / RATE
         if held in times:
             true = force * rise
-            error, least = np.mean(recent, axis=0)[pressed] - true, np.mean(best, axis=0) - true
+            error = np.mean(recent, axis=0)[pressed] - true
             shared = np.square(estimated.correlated_error).sum(axis=1)
             deviation = np.sqrt(estimated.force_variance(np.empty(taxels)) + shared)[pressed]
             yield Held(
                 time=held,
                 force=true,
                 error=float(np.sqrt(np.mean(error**2))),
-                optimal=float(np.sqrt(np.mean(least**2))) if not untouched else math.nan,
+                optimal=float(np.sqrt(np.mean((np.mean(best, axis=0) - true) ** 2))) if optimal else math.nan,
                 deviation=float(np.mean(deviation)),
                 inside=float(np.mean(np.abs(estimated.force[pressed] - true) <= 2 * deviation)),
             )

@@ -20,7 +20,7 @@ TOGETHER: Final = (
     "sim/calibration/test_calibration.py",
     "sim/calibration/test_bench_recording.py",
     "sim/calibration/test_real_film.py",
-    "sim/commands/test_score.py",
+    "independent/test_independent_film.py",
 )
 """Files with a fixture that takes seconds to set up: one worker runs each of them."""
 

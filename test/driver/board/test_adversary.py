@@ -26,6 +26,8 @@ from support.clocks import SteppedClock
 from support.reference_board import COMPILER, make
 
 SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
+SHORT = {"FD 5x5 1 kHz": 30_000, "classic 5x5 1 kHz": 35_000, "FD 8x8 500 Hz": 20_000, "classic 5x5 250 Hz": 15_000}
+"""In the ordinary run: about as many as it takes for every fault to happen."""
 
 
 @pytest.fixture(scope="session")
@@ -40,15 +42,18 @@ def plain_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_short_runs_have_the_scans_that_are_stated() -> None:
-    assert SCANS.keys() == variants().keys()
+    assert SCANS.keys() == SHORT.keys() == variants().keys()
     assert sum(SCANS.values()) == 300_000
+    assert sum(SHORT.values()) == 100_000
 
 
-@pytest.mark.parametrize("name", list(SCANS))
-def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path, name: str) -> None:
-    found = campaign(plain_program, name, SCANS[name], seed=1)
+@pytest.mark.parametrize(
+    ("name", "scans"), [*SHORT.items(), *(pytest.param(*each, marks=pytest.mark.slow) for each in SCANS.items())]
+)
+def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path, name: str, scans: int) -> None:
+    found = campaign(plain_program, name, scans, seed=1)
     assert not found.failures, describe(name, found, 0.0)
-    assert found.published >= SCANS[name]
+    assert found.published >= scans
     assert found.faults.keys() == set(FAULTS)
     assert found.lost > 0
     assert found.stretches > 100

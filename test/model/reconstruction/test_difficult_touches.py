@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import ForceImage, Reconstruction, Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.film_effects import FilmEffects
@@ -67,9 +67,9 @@ INSEPARABLE = "the small forces beside the edge are taken for bending of the chi
 
 
 @pytest.fixture(scope="module")
-def calibration() -> Calibration:
+def calibration(shared_calibrate: Callable[..., Calibration]) -> Calibration:
     """Calibration of an ideal board: it has neither bending nor warmth of touched taxels."""
-    return calibrate(SENSOR, 1, ErrorModel.none())
+    return shared_calibrate(SENSOR, 1, ErrorModel.none())
 
 
 @pytest.mark.parametrize(
@@ -99,11 +99,13 @@ def test_a_broad_touch_is_one_contact_and_valid_with_its_force_within_two_deviat
     assert all(abs(image.total - 2.0) < 2.0 * image.total_standard_deviation < 1.0 for _, image in last)
 
 
-def test_a_pad_that_takes_a_second_to_press_the_whole_array_and_to_lift_is_right_in_all_valid_scans() -> None:
+def test_a_pad_that_takes_a_second_to_press_the_whole_array_and_to_lift_is_right_in_all_valid_scans(
+    shared_calibrate: Callable[..., Calibration],
+) -> None:
     """Its first part is no warmer film, and what is left of it while it lifts is no error."""
     scene = replace(load_scene("flat_pad_slow", SENSOR), period=math.inf)
     board = replace(ErrorModel.default(), resets_per_hour=0.0)
-    reconstructor, right, errors, valid = Reconstructor(SENSOR, calibrate(SENSOR, 1, board)), [], [], 0
+    reconstructor, right, errors, valid = Reconstructor(SENSOR, shared_calibrate(SENSOR, 1, board)), [], [], 0
     for scan, truth in received_scans(SENSOR, scene, scene.duration, 1, board):
         true = float(truth.force.sum())
         if reconstructor.process(scan).valid:
@@ -173,11 +175,13 @@ def test_a_chip_that_bends_around_the_place_that_is_pressed_is_followed() -> Non
     assert max(errors) < 0.015
 
 
-def test_a_touch_soon_after_the_start_leaves_what_is_known_of_the_offsets_beside_it() -> None:
+def test_a_touch_soon_after_the_start_leaves_what_is_known_of_the_offsets_beside_it(
+    shared_calibrate: Callable[..., Calibration],
+) -> None:
     """Taxels around the first part of a touch that do not show it themselves keep the zeros from before it."""
     scene = replace(load_scene("grasp_lift_slip", SENSOR), period=math.inf)
     board = replace(ErrorModel.default(), resets_per_hour=0.0)
-    reconstructor, error, force = Reconstructor(SENSOR, calibrate(SENSOR, 2, board)), 0.0, 0.0
+    reconstructor, error, force = Reconstructor(SENSOR, shared_calibrate(SENSOR, 2, board)), 0.0, 0.0
     for scan, truth in received_scans(SENSOR, scene, scene.duration, 2, board):
         if reconstructor.process(scan).valid and truth.force.any():
             error += abs(reconstructor.image().total - float(truth.force.sum()))

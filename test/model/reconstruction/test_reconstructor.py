@@ -27,7 +27,6 @@ from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import ForwardSignalChain, leakage_step
-from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.commands.score import Run, perturbed
 from posfet_sim.commands.score import run as run_score
 from posfet_sim.device.error_model import ErrorModel
@@ -339,13 +338,13 @@ SPLITS = "what the warmth leaves on single taxels splits the contact in the last
     ],
 )
 def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(
-    board: str, error: float, until: float, tmp_path: Path
+    board: str, error: float, until: float, tmp_path: Path, shared_calibrate: Callable[..., Calibration]
 ) -> None:
     """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N."""
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
     imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
-    calibration = None if imperfections is None else calibrate(SENSOR, 3, imperfections)
+    calibration = None if imperfections is None else shared_calibrate(SENSOR, 3, imperfections)
     reconstructor, ids = Reconstructor(SENSOR, calibration), set()
     for scan, truth in received_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
         result = reconstructor.process(scan)

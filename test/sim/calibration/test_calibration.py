@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -174,8 +175,13 @@ def test_an_insufficient_recording_is_rejected(recording: Recording) -> None:
 
 
 def test_the_command_writes_a_calibration_that_the_score_reads(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], found: Calibration, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    found: Calibration,
+    monkeypatch: pytest.MonkeyPatch,
+    shared_calibrate: Callable[..., Calibration],
 ) -> None:
+    monkeypatch.setattr(calibrate, "calibrate", shared_calibrate)
     path = tmp_path / "cal.yaml"
     page = tmp_path / "report.html"
     assert main([str(path), "--report", str(page)]) == 0
@@ -214,12 +220,14 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     assert (read.leak_deviation == CALIBRATED_LEAK_DEVIATION).all()
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_taxel_with_a_stuck_bit_is_dead_and_the_others_are_calibrated(seed: int) -> None:
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_taxel_with_a_stuck_bit_is_dead_and_the_others_are_calibrated(
+    seed: int, shared_calibrate: Callable[..., Calibration]
+) -> None:
     default = ErrorModel.default()
     board = replace(default, resets_per_hour=0.0, board=replace(default.board, stuck_bit=7))
-    found = simulated_bench.calibrate(SENSOR, seed, board)
-    sound = simulated_bench.calibrate(SENSOR, seed, replace(board, board=default.board))
+    found = shared_calibrate(SENSOR, seed, board)
+    sound = shared_calibrate(SENSOR, seed, replace(board, board=default.board))
     stuck = found.dead & ~sound.dead
     assert stuck.sum() == 1
     assert (sound.dead <= found.dead).all()

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from unittest.mock import Mock
@@ -18,11 +19,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.calibration.simulated_bench import record
+from posfet_sim.commands import score as score_command
 from posfet_sim.commands.score import Run, main, perturbed, run
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import MODERATE, ErrorModel
@@ -101,10 +101,9 @@ objects:
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> Calibration:
+def calibrated(shared_calibrate: Callable[..., Calibration]) -> Calibration:
     """Calibration of the board with seed 1, pressed taxel by taxel."""
-    recording = record(SENSOR, 1, ErrorModel.default())
-    return fit(SENSOR, recording, "2026-01-01")
+    return shared_calibrate(SENSOR, 1, replace(ErrorModel.default(), resets_per_hour=0.0))
 
 
 def test_an_ideal_board_scores_well() -> None:
@@ -174,20 +173,22 @@ def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibra
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 85.0
 
 
-def test_what_a_real_film_keeps_of_an_overload_is_covered() -> None:
+def test_what_a_real_film_keeps_of_an_overload_is_covered(shared_calibrate: Callable[..., Calibration]) -> None:
     """Preload, creep and hysteresis of 20 N are 1.5 N then, and 80 mN after the release."""
     real = ErrorModel.default().with_realism(MODERATE)
-    what = fit(SENSOR, record(SENSOR, 1, real), "2026-01-01")
+    what = shared_calibrate(SENSOR, 1, real)
     score = run(Run(SENSOR, load_scene("overload", SENSOR), 6.5, 1, real, what))
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 80.0
 
 
-@pytest.mark.parametrize("time", [0.2, 1.7])
-def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_calibrated(time: float) -> None:
+@pytest.mark.parametrize("time", [pytest.param(0.2, marks=pytest.mark.slow), 1.7])
+def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_calibrated(
+    time: float, shared_calibrate: Callable[..., Calibration]
+) -> None:
     ideal = ErrorModel.none()
     film = replace(ideal.film, contact_warmth=0.03, contact_warmth_time=time)
     errors = replace(ideal, film=film, thermal_noise=ErrorModel.default().thermal_noise)
-    calibrated = fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")
+    calibrated = shared_calibrate(SENSOR, 1, errors)
     score = run(Run(SENSOR, SCENE, 6.0, 1, errors, calibrated))
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 1.5
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
@@ -195,7 +196,9 @@ def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_ca
 
 
 @pytest.mark.parametrize(("name", "duration"), [("press_slide_lift", 6.0), ("overload", 6.5)])
-def test_the_hysteresis_of_a_film_is_subtracted_once_calibrated(name: str, duration: float) -> None:
+def test_the_hysteresis_of_a_film_is_subtracted_once_calibrated(
+    name: str, duration: float, shared_calibrate: Callable[..., Calibration]
+) -> None:
     """Of 3 %: small forces make up to 6 % less charge than strong ones, and some stays when they have gone."""
     ideal = ErrorModel.none()
     errors = replace(
@@ -203,14 +206,16 @@ def test_the_hysteresis_of_a_film_is_subtracted_once_calibrated(name: str, durat
         film=replace(ideal.film, minor_loops=0.03),
         thermal_noise=ErrorModel.default().thermal_noise,
     )
-    calibrated = fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")
+    calibrated = shared_calibrate(SENSOR, 1, errors)
     score = run(Run(SENSOR, load_scene(name, SENSOR), duration, 1, errors, calibrated))
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 0.8
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 95.0
     assert score.misleading_pct is not None and score.misleading_pct < 1.0
 
 
-def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid() -> None:
+def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid(
+    shared_calibrate: Callable[..., Calibration],
+) -> None:
     """By 0.1 K: as much as 0.1 N on a taxel. Its warmth may hide that it is still there."""
     keys = ((1.0, 0.0), (1.1, 3.0), (2.5, 3.0), (2.6, 0.0), (3.5, 0.0), (3.6, 0.1), (4.7, 0.1), (4.8, 0.0))
     course = Keyframes(tuple(time for time, _ in keys), tuple((0.2e-3, 0.0, 0.0, force) for _, force in keys))
@@ -218,7 +223,7 @@ def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid() -> 
     ideal = ErrorModel.none()
     film = replace(ideal.film, contact_warmth=0.1)
     errors = replace(ideal, film=film, thermal_noise=ErrorModel.default().thermal_noise)
-    score = run(Run(SENSOR, scene, 7.0, 1, errors, fit(SENSOR, record(SENSOR, 1, errors), "2026-01-01")))
+    score = run(Run(SENSOR, scene, 7.0, 1, errors, shared_calibrate(SENSOR, 1, errors)))
     assert score.misleading_pct is not None and score.misleading_pct < 1.0
     assert score.valid_pct is not None and score.valid_pct > 25.0
 
@@ -351,7 +356,10 @@ def test_the_json_output_has_exactly_these_keys(capsys: pytest.CaptureFixture[st
     assert list(json.loads(capsys.readouterr().out)) == NAMES
 
 
-def test_a_board_is_calibrated_before_scoring_by_default(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_board_is_calibrated_before_scoring_by_default(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, shared_calibrate: Callable[..., Calibration]
+) -> None:
+    monkeypatch.setattr(score_command, "calibrate", shared_calibrate)
     errors = []
     for more in ([], ["--calibration", "none"]):
         assert main(["press", "--for", "2", *more]) == 0
