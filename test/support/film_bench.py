@@ -21,6 +21,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_core import scan_path
 from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
@@ -100,22 +101,21 @@ def lag(time: Floats, values: Floats, tau: float) -> Floats:
     if tau == 0:
         return values.copy()
     half = 0.5 * float(time[1] - time[0]) / tau
-    slow = np.empty_like(values)
-    slow[0] = state = values[0]
-    for index in range(1, len(values)):
-        state = (state * (1.0 - half) + half * (values[index] + values[index - 1])) / (1.0 + half)
-        slow[index] = state
-    return slow
+    change = half / (1.0 + half) * (values[1:] + values[:-1] - 2.0 * values[0])
+    decay = np.full(len(change), (1.0 - half) / (1.0 + half))
+    return values[0] + scan_path.recurrence(decay, change.reshape(len(change), -1)).reshape(values.shape)
 
 
 def with_hysteresis(force: Floats, film: Film) -> Floats:
     """Return the force and what play operators of it add [N], each of which follows it at its half width."""
     result = force.copy()
-    for width in film.plays if film.hysteresis else ():
-        play = np.zeros(force.shape[1])
+    if film.hysteresis:
+        widths = np.array(film.plays)[:, None]
+        plays = np.zeros((len(film.plays), force.shape[1]))
         for index, now in enumerate(force):
-            play = np.clip(play, now - width, now + width)
-            result[index] += 0.5 * film.hysteresis / sum(film.plays) * play
+            np.maximum(plays, now - widths, out=plays)
+            np.minimum(plays, now + widths, out=plays)
+            result[index] += 0.5 * film.hysteresis / sum(film.plays) * plays.sum(axis=0)
     return result
 
 
@@ -173,10 +173,10 @@ def record(
     source = gain * (with_slow_charge(time, with_hysteresis(force, film), film) + bent) + per_kelvin * temperature
     if change is not None:
         source = change(time, source)
-    charge = np.zeros(source.shape)
     half = 0.5 / RATE / tau
-    for index in range(1, len(time)):
-        charge[index] = (charge[index - 1] * (1.0 - half) + source[index] - source[index - 1]) / (1.0 + half)
+    decay = np.tile((1.0 - half) / (1.0 + half), (len(time) - 1, 1))
+    change = np.diff(source, axis=0) / (1.0 + half)
+    charge = np.hstack([scan_path.recurrence(decay[:, each], change[:, [each]]) for each in range(taxels)])
     volts = charge * sensor.volts_per_newton + 5e-3 * rng.standard_normal(taxels)
     volts += np.cumsum(rng.standard_normal(volts.shape), axis=0) * 1e-6 / np.sqrt(RATE)
     volts += sensor.adc.noise * rng.standard_normal(volts.shape)
