@@ -239,7 +239,7 @@ def test_a_delayed_reader_loses_no_scans(sensor: Sensor) -> None:
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 @pytest.mark.parametrize("held_up", ["host", "adapter"])
-@pytest.mark.parametrize("length", [0.1, 0.6, 1.0])
+@pytest.mark.parametrize("length", [0.1, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
 def test_a_pause_without_frame_loss_loses_no_scans(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
     """At any time, also while frames are held until their sequence is certain; afterwards in limited batches."""
     for first in (3, 17, 40, 41, 57):

@@ -117,7 +117,7 @@ class Bench:
 
 
 @BOTH
-@pytest.mark.parametrize("delay", [0.25, 1.0, 2.0])
+@pytest.mark.parametrize("delay", [0.25, pytest.param(1.0, marks=pytest.mark.slow), 2.0])
 def test_a_board_behind_a_link_of_any_delay_is_received(fd: bool, delay: float) -> None:
     bench = Bench(fd)
     bench.link.delay = round(delay * 1e9)
@@ -384,7 +384,9 @@ def test_a_command_is_repeated_as_soon_whatever_period_the_board_states_meanwhil
 
 
 @BOTH
-@pytest.mark.parametrize("delay", [0.3, 0.9, 1.5, 2.5])
+@pytest.mark.parametrize(
+    "delay", [0.3, pytest.param(0.9, marks=pytest.mark.slow), pytest.param(1.5, marks=pytest.mark.slow), 2.5]
+)
 def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(fd: bool, delay: float) -> None:
     """Reopening drops what is under way, so it comes ever less often."""
     bench = Bench(fd)

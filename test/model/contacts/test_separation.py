@@ -184,7 +184,14 @@ CALIBRATED = replace(
 
 @pytest.mark.parametrize(
     ("device", "seed"),
-    [({}, 1), ({}, 2), ({"leak": 20.0}, 3), ({"d33": -10.0}, 4), ({"spread": 20.0}, 5), ({"spread": -20.0}, 6)],
+    [
+        ({}, 1),
+        ({"leak": 20.0}, 3),
+        ({"spread": 20.0}, 5),
+        pytest.param({}, 2, marks=pytest.mark.slow),
+        pytest.param({"d33": -10.0}, 4, marks=pytest.mark.slow),
+        pytest.param({"spread": -20.0}, 6, marks=pytest.mark.slow),
+    ],
 )
 def test_two_fingers_that_slide_side_by_side_keep_their_track_ids(device: dict[str, float], seed: int) -> None:
     other = perturbed(SENSOR, device)

@@ -466,7 +466,7 @@ def test_a_uniform_press_is_not_valid_until_the_sensors_told_it_from_a_warmer_fi
     assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)
 
 
-@pytest.mark.parametrize("begin", [0.9, 1.2, 1.5, 1.95])
+@pytest.mark.parametrize("begin", [0.9, *(pytest.param(begin, marks=pytest.mark.slow) for begin in (1.2, 1.5)), 1.95])
 @pytest.mark.parametrize("rise", [0.05, 0.3])
 @pytest.mark.parametrize(("warming", "silent"), [(0.1, (1.0, 2.0)), (0.0, (0.0, 9.0)), (0.1, (0.0, 9.0))])
 def test_a_uniform_press_is_never_valid_as_no_force_while_the_sensors_are_silent(
@@ -691,7 +691,7 @@ def steps_in_a_long_touch(seed: int, begin: float, rate: float) -> tuple[float, 
     return float(np.mean(np.abs(errors) < 2.0)), abs(float(watch.estimator.force[CORNER]))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4, 5])
+@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (4, 5))])
 def test_a_taxel_with_telegraph_noise_does_not_stay_in_contact_after_a_long_touch(seed: int) -> None:
     # At rest its offset is that of the present level; in the mean of a long touch it is half a step away.
     covered, left = steps_in_a_long_touch(seed, 10.0, 500.0)

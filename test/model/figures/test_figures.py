@@ -41,7 +41,7 @@ def _root(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_another_process_draws_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    names = ["fig5_schematic", "fig6_slew", "bending"]
+    names = ["fig5_schematic", "fig7_gain_phase", "bending"]
     assert command.main([*names, "--out", str(tmp_path / "here")]) == 0
     assert capsys.readouterr().out.count("\n") == 2 * len(names)
     program = [sys.executable, "-m", "posfet_model.figures", *names, "--out", str(tmp_path / "there")]

@@ -14,6 +14,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -117,12 +118,18 @@ def play(force: float, edit: Edit, repeat: bool = False) -> tuple[list[tuple[int
     return frames, reconstructor
 
 
+@lru_cache
+def undisturbed(force: float) -> dict[int, Any]:
+    """Return the forces of every scan without a fault, by index."""
+    return {index: forces for index, _, forces, _ in play(force, lambda index, scan: None)[0]}
+
+
 @pytest.mark.parametrize("force", [0.0, 1.5])
 @pytest.mark.parametrize("name", list(FAULTS))
 def test_a_fault_is_flagged_and_has_no_effect_after_50_ms(name: str, force: float) -> None:
     flagged, edit = FAULTS[name]
     frames, _ = play(force, edit)
-    quiet = {index: forces for index, _, forces, _ in play(force, lambda index, scan: None)[0]}
+    quiet = undisturbed(force)
     assert sum(not valid for index, valid, *_ in frames if index >= BEGIN) >= flagged
     end = BEGIN + {"20 lost": 20, "200 lost": 200}.get(name, 5)
     after = [frame for frame in frames if frame[0] >= end + RECOVERED]

@@ -301,7 +301,7 @@ def test_an_abrupt_temperature_ramp_sampled_at_10_hz_causes_no_contact(rate: flo
     assert contacts == 0
 
 
-@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.slow)])
 def test_warming_with_leakage_model_mismatch_causes_no_contact(seed: int) -> None:
     score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, ErrorModel.default()))
     assert score.false_contacts_per_hour == 0.0

@@ -80,7 +80,7 @@ def run(
     return results, statuses
 
 
-@pytest.mark.parametrize(("taxel", "seed"), [(6, 1), (5, 2), (6, 3), (0, 4)])
+@pytest.mark.parametrize(("taxel", "seed"), [(6, 1), (5, 2), pytest.param(6, 3, marks=pytest.mark.slow), (0, 4)])
 def test_telegraph_noise_is_found_and_the_next_touch_is_one_contact_of_its_own(taxel: int, seed: int) -> None:
     """In the middle, at an edge and in a corner."""
     results, statuses = run(Telegraph(taxel, 3e-3, seed), 8.5, TOUCH)
@@ -122,7 +122,11 @@ def test_a_taxel_recovers_from_telegraph_noise() -> None:
 
 
 @pytest.mark.parametrize(
-    "place", [(0.0, 0.0), (-1.5e-3, 0.0), (3e-3, 0.0), (3.6e-3, 0.3e-3), (3e-3, -3e-3), (3.7e-3, 3.7e-3)]
+    "place",
+    [
+        *((0.0, 0.0), (3e-3, 0.0), (3.7e-3, 3.7e-3)),
+        *(pytest.param(place, marks=pytest.mark.slow) for place in ((-1.5e-3, 0.0), (3.6e-3, 0.3e-3), (3e-3, -3e-3))),
+    ],
 )
 @pytest.mark.parametrize("slow_leak", [False, True])
 def test_the_sharpest_tip_on_one_taxel_is_neither_alone_nor_telegraph_noise(

@@ -222,7 +222,7 @@ def test_no_run_of_an_unstable_circuit_is_valid() -> None:
             assert compare(CIRCUITS[name], record, way).wrongly_valid == ()
 
 
-@pytest.mark.parametrize("way", ["given", "measured"])
+@pytest.mark.parametrize("way", ["given", pytest.param("measured", marks=pytest.mark.slow)])
 def test_figures_at_0_v_are_not_valid_at_inputs_where_no_range_of_stability_was_seen(way: str) -> None:
     """81 degrees at 0 V, and unstable at the lowest input of two sines."""
     name = "two_stage_wide_output_50ua_30pf"

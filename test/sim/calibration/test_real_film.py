@@ -118,7 +118,9 @@ def loop_gain(film: Film, force: float) -> float:
     return 1.0 + weight * sum(max(0.0, 1.0 - 2.0 * width / force) for width in film.plays)
 
 
-@pytest.mark.parametrize("name", HYSTERETIC)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if "four" in name else ()) for name in HYSTERETIC]
+)
 def test_hysteresis_is_neither_relaxation_nor_a_temperature_nor_leakage(name: str) -> None:
     """The film has play operators of other half widths than the fit."""
     film = HYSTERETIC[name]

@@ -107,8 +107,8 @@ def test_skipped_computation_does_not_change_the_result(name: str, sensor: Senso
     scan = Scan.empty(0, TAXELS)
     for index, chain in enumerate(full_computation(sensor, scene, 1200)):
         board.scan(index, scan)
-        np.testing.assert_allclose(board.volts(), chain.volts(), rtol=0, atol=1e-12 * sensor.adc.high)
-        np.testing.assert_allclose(board.charge(), chain.charge, rtol=0, atol=SAME)
+        assert np.abs(board.volts() - chain.volts()).max() <= 1e-12 * sensor.adc.high
+        assert np.abs(board.charge() - chain.charge).max() <= SAME
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -122,7 +122,7 @@ def test_skipped_computation_does_not_change_the_result_with_the_error_model(nam
     for index in range(1000):
         lazy.scan(index, scan)
         full.scan(index, scan)
-        np.testing.assert_allclose(lazy.volts(), full.volts(), rtol=0, atol=1e-12 * SENSOR.adc.high)
+        assert np.abs(lazy.volts() - full.volts()).max() <= 1e-12 * SENSOR.adc.high
     assert full.taxel_updates == 1000 * TAXELS
     if scene.temperature_rise is None:
         assert lazy.taxel_updates < full.taxel_updates
