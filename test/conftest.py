@@ -161,7 +161,7 @@ def _shortly(read_frames: Callable[[Any, float], list[Any]]) -> Callable[[Any, f
 
 @pytest.fixture(scope="session")
 def shared_calibrate(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Calibration]:
-    """`simulated_bench.calibrate`, which calibrates each board once in a run; the workers of pytest-xdist share it."""
+    """`simulated_bench.calibrate`, once in a run for each board: the workers of pytest-xdist share the result."""
     from support.calibrations import SharedCalibrations  # noqa: PLC0415  # only where there is posfet_sim
 
     base = tmp_path_factory.getbasetemp()
