@@ -321,7 +321,7 @@ def test_both_agree_on_large_arrays(count: int) -> None:
 
 
 def test_both_agree_on_the_largest_array() -> None:
-    assert play(Story(64, 64, 7, trouble=0.1, kinds=(ONSET,)), 120)["touched"]
+    assert play(Story(64, 64, 7, trouble=0.1, kinds=(ONSET,)), 50)["touched"]
 
 
 STORIES = {

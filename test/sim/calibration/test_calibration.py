@@ -39,6 +39,7 @@ from posfet_sim.commands.score import main as score_main
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.scene import load_scene
+from support.calibrations import with_rate
 
 SENSOR = load_sensor()
 DATE = "2024-01-01T00:00:00+00:00"
@@ -77,7 +78,7 @@ def test_calibration_does_not_depend_on_the_sign_of_the_temperature_change(
 ) -> None:
     # Residual charge from hysteresis must not be identified as leakage or temperature rise, whose signs differ then.
     monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
-    warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
+    warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, with_rate(DEVICE)), DATE)
     np.testing.assert_allclose(warmed.gain, found.gain, rtol=0.006)
     np.testing.assert_allclose(warmed.leak_time_constant, found.leak_time_constant, rtol=0.01)
     np.testing.assert_allclose(warmed.pyroelectric_gain, found.pyroelectric_gain, rtol=0.01)

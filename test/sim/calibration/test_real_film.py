@@ -49,24 +49,35 @@ HYSTERETIC = {
 }
 
 
+EACH = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "a fast object" else ()) for name in FILMS]
+)
+
+
+class Fits(dict[str, tuple[Board, Calibration]]):
+    """Boards and their calibrations by the name of the film, made when they are asked for."""
+
+    def __missing__(self, name: str) -> tuple[Board, Calibration]:
+        board = record(SENSOR, FILMS[name])
+        self[name] = board, fit(SENSOR, board.recording, DATE)
+        return self[name]
+
+
 @pytest.fixture(scope="module")
-def fitted() -> dict[str, tuple[Board, Calibration]]:
-    boards = {name: record(SENSOR, film) for name, film in FILMS.items()}
-    return {name: (board, fit(SENSOR, board.recording, DATE)) for name, board in boards.items()}
+def fitted() -> Fits:
+    return Fits()
 
 
-@pytest.mark.parametrize("name", FILMS)
-def test_gain_and_leakage_are_right_whatever_the_film_does(
-    name: str, fitted: dict[str, tuple[Board, Calibration]]
-) -> None:
+@EACH
+def test_gain_and_leakage_are_right_whatever_the_film_does(name: str, fitted: Fits) -> None:
     board, found = fitted[name]
     np.testing.assert_allclose(found.gain, board.gain * gain_at_once(FILMS[name]), rtol=0.01)
     np.testing.assert_allclose(found.leak_time_constant, board.leak_time_constant, rtol=0.01)
     np.testing.assert_allclose(found.pyroelectric_gain, 1.0, rtol=0.02)
 
 
-@pytest.mark.parametrize("name", FILMS)
-def test_the_lag_is_found_with_either_sign(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+@EACH
+def test_the_lag_is_found_with_either_sign(name: str, fitted: Fits) -> None:
     # A reading has 2 mK of noise while the chip cools and warms by 0.75 K/s: 3 ms, and fewer with 50 readings or more.
     found = fitted[name][1]
     assert found.thermal_time_constant is not None
@@ -74,7 +85,7 @@ def test_the_lag_is_found_with_either_sign(name: str, fitted: dict[str, tuple[Bo
     assert found.thermal_time_constant - found.temperature_sensor_lag == pytest.approx(film - sensors, abs=0.01)
 
 
-def test_the_poles_predict_a_held_force(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+def test_the_poles_predict_a_held_force(fitted: Fits) -> None:
     """Charge of a force that rises within 0.1 s and is held for 20 s; without poles the growth itself is the error."""
     film = FILMS["relaxation and creep"]
     found = fitted["relaxation and creep"][1]
@@ -89,21 +100,20 @@ def test_the_poles_predict_a_held_force(fitted: dict[str, tuple[Board, Calibrati
     assert np.max(np.abs(predicted - true)[held] / true[held]) < 0.01
 
 
-def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(
-    fitted: dict[str, tuple[Board, Calibration]],
-) -> None:
-    for name, (_, found) in fitted.items():
-        assert abs(found.warmth - FILMS[name].warmth) < found.warmth_deviation
-        assert found.warmth_deviation < 0.5 * NOMINAL_WARMTH_DEVIATION
+@EACH
+def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(name: str, fitted: Fits) -> None:
+    found = fitted[name][1]
+    assert abs(found.warmth - FILMS[name].warmth) < found.warmth_deviation
+    assert found.warmth_deviation < 0.5 * NOMINAL_WARMTH_DEVIATION
 
 
-@pytest.mark.parametrize("name", ["a fast object", "a slow object", "all"])
-def test_the_time_constant_of_that_rise_is_found(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+@pytest.mark.parametrize("name", [pytest.param("a fast object", marks=pytest.mark.slow), "a slow object", "all"])
+def test_the_time_constant_of_that_rise_is_found(name: str, fitted: Fits) -> None:
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
 
 def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
-    fitted: dict[str, tuple[Board, Calibration]],
+    fitted: Fits,
 ) -> None:
     # What fits best is the time constant of something else, and would be one of all that remains after a touch.
     cold = [name for name in FILMS if FILMS[name].warmth == 0.0]
@@ -137,7 +147,7 @@ def test_hysteresis_is_neither_relaxation_nor_a_temperature_nor_leakage(name: st
         assert abs(loop_gain(film, force) - loop_gain(film, 0.3)) < 2.0 * found.common_gain_deviation
 
 
-def test_hysteresis_leaves_the_rest_of_the_film_as_it_is(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+def test_hysteresis_leaves_the_rest_of_the_film_as_it_is(fitted: Fits) -> None:
     without = fitted["all"][1]
     board = record(SENSOR, replace(FILMS["all"], hysteresis=0.015))
     found = fit(SENSOR, board.recording, DATE)
@@ -148,8 +158,8 @@ def test_hysteresis_leaves_the_rest_of_the_film_as_it_is(fitted: dict[str, tuple
     assert change.max() < 5e-3
 
 
-@pytest.mark.parametrize("name", FILMS)
-def test_the_bending_of_the_chip_is_found(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+@EACH
+def test_the_bending_of_the_chip_is_found(name: str, fitted: Fits) -> None:
     film, found = FILMS[name], fitted[name][1]
     # With relaxation, a gain is that of 30 ms after a force, and the bending that at once.
     expected = np.array([film.bending, 0.0, 0.0, film.bending_moment])
@@ -158,13 +168,13 @@ def test_the_bending_of_the_chip_is_found(name: str, fitted: dict[str, tuple[Boa
     assert (found.bending_deviation < 0.1 * np.array(NOMINAL_BENDING_DEVIATION)).all()
 
 
-def test_the_report_names_the_bending(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+def test_the_report_names_the_bending(fitted: Fits) -> None:
     found = fitted["bending"][1]
     assert f"{1e3 * found.bending[0]:.2f} +- {1e3 * found.bending_deviation[0]:.2f} mN/N" in report(SENSOR, found)
     assert "not in the file" in report(SENSOR, replace(found, bending=np.zeros(0), bending_deviation=np.zeros(0)))
 
 
-def test_a_file_without_bending_is_read(fitted: dict[str, tuple[Board, Calibration]], tmp_path: Path) -> None:
+def test_a_file_without_bending_is_read(fitted: Fits, tmp_path: Path) -> None:
     none = replace(fitted["bending"][1], bending=np.zeros(0), bending_deviation=np.zeros(0))
     save_calibration(tmp_path / "cal.yaml", SENSOR, none)
     assert load_calibration(tmp_path / "cal.yaml", SENSOR).bending.size == 0
@@ -176,7 +186,7 @@ def test_a_bending_that_no_chip_has_is_refused() -> None:
         fit(SENSOR, board.recording, DATE)
 
 
-def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+def test_standard_deviations_cover_the_errors_of_the_fit(fitted: Fits) -> None:
     board, found = fitted["sensors 0.1 s late"]
     for value, true, deviation in (
         (found.gain, board.gain, found.gain_deviation),
@@ -236,9 +246,7 @@ def test_a_leakage_far_from_the_sensor_file_is_refused() -> None:
         fit(replace(SENSOR, device=device), board.recording, DATE)
 
 
-def test_poles_and_deviations_survive_a_round_trip(
-    fitted: dict[str, tuple[Board, Calibration]], tmp_path: Path
-) -> None:
+def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path) -> None:
     found = fitted["all"][1]
     save_calibration(tmp_path / "cal.yaml", SENSOR, found)
     again = load_calibration(tmp_path / "cal.yaml", SENSOR)
