@@ -34,6 +34,8 @@ SENSORS = {
 }
 """Three FD blocks, five classic ones."""
 BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+FIRST = pytest.mark.parametrize("fd", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["fd", "classic"])
+"""Of what takes long, the same with classic frames is in the slow run."""
 SECOND = 1_000_000_000
 CADENCE = 1_000_000
 """Time between two batches of frames from the adapter [ns]."""
@@ -159,7 +161,7 @@ def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: 
         assert board.decoder.scans + losses.incomplete_scans + losses.lost_scans == sent
 
 
-@BOTH
+@FIRST
 @pytest.mark.parametrize(
     "injected",
     [
@@ -186,7 +188,7 @@ def test_data_flows_within_half_a_second_after_the_bus_returns(injected: Injecte
             assert bench.clock.now - back < BACK, bench.board.report()
 
 
-@BOTH
+@FIRST
 @pytest.mark.parametrize("opening_time", [0, 60_000_000])
 def test_data_flows_within_half_a_second_after_an_adapter_without_presence_is_plugged_in(
     opening_time: int, fd: bool

@@ -78,7 +78,7 @@ def test_the_optimal_estimator_leaves_only_the_uncommon_part_of_a_ramp() -> None
         assert 1e-3 < held.optimal < 2.5e-3, held
 
 
-@pytest.mark.parametrize("ramp", [1 / 60, 0.3])
+@pytest.mark.parametrize("ramp", [pytest.param(1 / 60, marks=pytest.mark.slow), 0.3])
 def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
     # In 20 s at 0.3 K/s the thermal uncertainty exceeds the force: pressed taxels stay classified as pressed.
     drift = Drift(ramp=ramp, random_walk=0.0)
@@ -98,7 +98,7 @@ def test_a_held_force_is_nearly_as_accurate_during_random_walk_temperature_drift
     assert _coverage(found) >= 0.95
 
 
-@pytest.mark.parametrize("random_walk", [0.0, 2e-3])
+@pytest.mark.parametrize("random_walk", [pytest.param(0.0, marks=pytest.mark.slow), 2e-3])
 def test_untouched_taxels_compensate_the_temperature_of_touched_ones(random_walk: float) -> None:
     found = [
         held

@@ -118,7 +118,7 @@ def test_hum_of_the_largest_array_is_estimated_as_by_the_reference() -> None:
     assert play(Story(64 * 64, 1, 1000.0, 50.0, 1.5, 0.5, 0.1, 1.0), 30) > 0
 
 
-@pytest.mark.parametrize("frequency", [50.0, 60.0])
+@pytest.mark.parametrize("frequency", [50.0, pytest.param(60.0, marks=pytest.mark.slow)])
 def test_the_stories_have_hum_that_is_subtracted(frequency: float) -> None:
     assert play(Story(25, 2, 1000.0, frequency, 1.5, 0.5, 0.1, 1.0), 300) > 100
     assert play(Story(25, 2, 1000.0, frequency, 0.0, 0.5, 0.1, 1.0), 300) == 0

@@ -119,7 +119,7 @@ def found_at(statuses: list[NDArray[np.uint8]], taxel: int, status: TaxelStatus)
     return [row[taxel] for row in statuses].index(status)
 
 
-@pytest.mark.parametrize("taxel", [12, 13, 7, 2, 24])
+@pytest.mark.parametrize("taxel", [12, *(pytest.param(taxel, marks=pytest.mark.slow) for taxel in (13, 7)), 2, 24])
 def test_a_dead_taxel_is_detected_on_first_touch_and_the_contact_continues_without_it(taxel: int) -> None:
     x, y = LAYOUT.positions[taxel] * 0.8
     shape = finger(x, y)
