@@ -48,7 +48,7 @@ inline ErrorPriors priors() {
   given.rate = 0.05;
   given.rate_walk = 2e-3;
   given.rate_change = 3.0;
-  given.slow_rate = 0.6;
+  given.slow_rate = 3.0;
   given.touch_rate = 0.01;
   given.chip_times = {0.1, 1.0, 10.0};
   given.chip_warming = {0.01, 0.02, 0.02};

@@ -45,7 +45,7 @@ from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import TemperatureWalk
-from reference.estimation.touch_response import TouchResponse
+from reference.estimation.touch_response import LEAST_WARMTH_FORCE, TouchResponse
 from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from reference.reductions import any_true, median, upper_median
 
@@ -309,7 +309,7 @@ class ForceEstimator:
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmed, self._warmth = np.zeros((5, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._usual_offset, self._stepped = np.zeros((3, taxels))
+        self._untouched_time, self._usual_offset, self._stepped, self._hidden = np.zeros((4, taxels))
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -1092,11 +1092,20 @@ class ForceEstimator:
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
-        self._factor[:, COUNT + 2] = self._absorbed()
+        self._follow_hidden(block.duration)
+        self._factor[:, COUNT + 2] = self._absorbed() + self._hidden
         self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
         self._own = own
+
+    def _follow_hidden(self, duration: float) -> None:
+        """Follow what the warmth of an object may hide of a touch that no contact lists yet."""
+        felt = np.maximum(self.force * self._touched, 0.0) if not any_true(self._listed) else np.zeros(len(self.force))
+        variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
+        kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
+        most = np.abs(self._per_kelvin) * kelvin * -np.expm1(-felt / LEAST_WARMTH_FORCE)
+        self._hidden += -math.expm1(-duration / self._priors.warmth_time) * (most - self._hidden)
 
     def _is_valid(self) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask

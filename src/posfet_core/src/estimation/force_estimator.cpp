@@ -112,7 +112,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
            &leaked_,         &mean_,          &last_mean_,    &steady_, &usual_,       &stepped_,
            &untouched_time_, &usual_offset_,  &absorbed_,     &tail_,   &touch_force_, &warmed_,
            &warmth_,         &own_,           &measured_,     &noise_,  &residual_,    &untouched_variance_,
-           &deviation_,      &own_deviation_, &leaked_share_, &values_,
+           &deviation_,      &own_deviation_, &leaked_share_, &values_, &hidden_,
        }) {
     values->assign(taxels(), 0.0);
   }

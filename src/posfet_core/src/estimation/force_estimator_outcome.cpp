@@ -114,11 +114,25 @@ void ForceEstimator::find_absorbed(std::vector<double>& out) const {
   }
 }
 
+/// Follow what the warmth of an object may hide of a touch that no contact lists yet [N]. It counts in the deviation
+/// only: such a touch may be none, and the filter would explain it by the warmth.
+void ForceEstimator::follow_hidden(double duration) {
+  const double follows = -std::expm1(-duration / priors_.warmth_time);
+  const double kelvin = std::hypot(belief()->shared[kWarmth], std::sqrt(belief()->variance(kWarmth)));
+  const bool begins = !listed_.any();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double felt = begins && touched_[taxel] ? std::max(force()[taxel], 0.0) : 0.0;
+    const double share = -std::expm1(-felt / kLeastWarmthForce);
+    hidden_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - hidden_[taxel]);
+  }
+}
+
 void ForceEstimator::set_covariance(const Block& block) {
   const Belief& b = *belief();
   ForceIntegration::State& s = state();
   std::vector<double>& shared_variance = values_;
   find_absorbed(absorbed_);
+  follow_hidden(block.duration);
   filter_.covariance_root(block.response.data(), own_.data(), response_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* sensitivity = sensitivity_.data() + taxel * kSharedStates;
@@ -137,7 +151,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
     factor[kSharedStates] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
-    factor[kSharedStates + 2] = absorbed_[taxel];
+    factor[kSharedStates + 2] = absorbed_[taxel] + hidden_[taxel];
     factor[kSharedStates + 3] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
     // temperature contributes, which grows during a touch only.

@@ -84,7 +84,7 @@ class ErrorPriors:
     """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
     slow_rate: float = 0.0
     """Rate below which that share falls with the square root of the rate [K/s]: a slow drift goes on."""
-    slow_rate_calibrated: float = 0.6
+    slow_rate_calibrated: float = 3.0
     """The same with calibration [K/s]: where the sensors' lag is known, they would show it."""
     touch_rate: float = 0.01
     """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""

@@ -170,6 +170,7 @@ private:
   double tail_spread() const;
   double film_rate() const;
   void find_absorbed(std::vector<double>& out) const;
+  void follow_hidden(double duration);
   bool warms() const;
   std::size_t usable() const;
 
@@ -278,6 +279,7 @@ private:
   std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
   std::vector<double> absorbed_;            ///< What a slow press may have lost to zeros [N].
+  std::vector<double> hidden_;              ///< What warmth may hide of a touch that is not listed yet [N].
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
