@@ -113,6 +113,12 @@ def test_a_pad_that_follows_another_is_not_taken_for_a_drift_of_the_chip() -> No
     assert judge(board, calibration, "gauss", scenes()["pad_slow"]).error < 15.0
 
 
+def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
+    # 0.2 N within 10 s: no contact lists it for six seconds, and the filter knows nothing of what it warms.
+    board, calibration = calibrated("moderate", BOARD, "gauss")
+    assert judge(board, calibration, "gauss", scenes()["slow"]).misleading <= 2.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("row", "scene"), HELD_SLOWLY)
 def test_the_model_meets_the_requirements_of_single_effects(row: str, scene: str) -> None:

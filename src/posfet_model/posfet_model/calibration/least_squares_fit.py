@@ -264,8 +264,6 @@ class _Data:
         self.bending = np.zeros(4)
         """Bending of the chip [1], of the last fit."""
         self._bending_sources = BendingSources(sensor.layout, self.time, self.force, self.film_lag)
-        self._lags: dict[int, tuple[float, Array]] = {}
-        """By taxel, time constant of the temperature rise and lags, which no other parameter of the fit changes."""
 
     def _during_hold(self, time: Array) -> Mask:
         """Return which times [s] are in the long hold or in its tail."""
@@ -511,18 +509,11 @@ class _Data:
         """Return the sources of relaxation and of the temperature rise of a touched taxel, None without a long hold."""
         if self.hold is None:
             return None
-        if taxel not in self._lags or self._lags[taxel][0] != self.warmth_time:
-            self._lags[taxel] = self.warmth_time, self._lags_of(self.force[:, taxel])
-        sources: Array = self._lags[taxel][1].copy()
-        sources[:, len(POLES) :] *= self.newton_per_kelvin * share
-        return sources
-
-    def _lags_of(self, force: Array) -> Array:
-        """Return lags behind a force [N], with each pole, and behind shares of a touch [1], as its temperature."""
+        force = self.force[:, taxel]
         columns = [low_pass(self.time, force, pole) for pole in POLES]
         for relative in TOUCH_FORCES:
             touched = -np.expm1(-np.maximum(force, 0.0) / (relative * self.sensor.contact.threshold))
-            columns.append(low_pass(self.time, touched, self.warmth_time))
+            columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, self.warmth_time))
         return np.stack(columns, axis=1)
 
 
