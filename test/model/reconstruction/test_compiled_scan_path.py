@@ -119,7 +119,7 @@ class Source:
             scan.device_time += lost * step
             scan.stamp += lost * step * 1000
         if kind == 2:
-            scan.sequence, scan.stamp = scan.sequence - 1, scan.stamp - step * 1000
+            scan.sequence, scan.stamp = max(scan.sequence - 1, 0), scan.stamp - step * 1000  # never negative
         scan.layout_id = story.sensor.layout.id + (kind == 4)
         scan.status = int(STATUS.get(kind, ScanStatus.OK))
         if kind == 9:
