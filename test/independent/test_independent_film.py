@@ -13,9 +13,8 @@ the rows and scenes in which the model meets them: nothing else of the table is 
 
 Not met on board 1 with the cover `gauss`:
 
-- none: `pad` and `pad_slow`, where the calibration finds a share of weak forces in a warmth that it does not find;
-  `ridged`, `rolling`, `overload` and `grasp` are wrong by 0.6 to 5 % in place of 0.5, and 87 % of the forces of `tap`
-  are within two deviations in place of 95.
+- none: `ridged`, `rolling`, `ring`, `handle` and `grasp` are wrong by 0.6 to 1.9 % in place of 0.5, 0.1 % of the scans
+  of `overload` mislead, and 87 % of the forces of `tap` are within two deviations in place of 95.
 - Objects that warm the film by 0.1 K, if the stand does not: most of the total forces mislead. If they warm it by
   30 mK, 2.4 % do in place of 1.
 - Objects that warm the film by 0.1 K, on the stand too: forces are almost never valid.
@@ -52,15 +51,17 @@ HELD_SLOWLY = (
             "mixed",
             "slow",
             "sliding",
-            "ring",
+            "pad",
+            "pad_slow",
             "power_on",
             "regrasp",
-            "handle",
             "two_fingers",
             "hold300",
         )
     ),
-    *(("moderate", scene) for scene in ("ring", "overload", "grasp", "regrasp", "two_fingers")),
+    ("drift", "pad"),
+    ("drift", "pad_slow"),
+    *(("moderate", scene) for scene in ("pad", "ring", "overload", "grasp", "regrasp", "two_fingers")),
     *(
         (row, "mixed")
         for row in (
@@ -108,15 +109,20 @@ def test_the_model_meets_the_requirements(row: str, scene: str) -> None:
 
 def test_a_pad_that_follows_another_is_not_taken_for_a_drift_of_the_chip() -> None:
     # Half a second after a pad the rate of the chip is hardly known. Free to change as soon as under a warm finger, it
-    # became that of the next pad's rise: no force at all, and valid.
+    # became that of the next pad's rise: no force at all, and valid. Each block of such a rise is less than its noise.
     board, calibration = calibrated("moderate", BOARD, "gauss")
-    assert judge(board, calibration, "gauss", scenes()["pad_slow"]).error < 15.0
+    verdict = judge(board, calibration, "gauss", scenes()["pad_slow"])
+    assert verdict.error < 4.0
+    assert verdict.misleading < 5.0
 
 
 def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
     # 0.2 N within 10 s: no contact lists it for six seconds, and the filter knows nothing of what it warms.
     board, calibration = calibrated("moderate", BOARD, "gauss")
-    assert judge(board, calibration, "gauss", scenes()["slow"]).misleading <= 2.0
+    verdict = judge(board, calibration, "gauss", scenes()["slow"])
+    assert verdict.misleading <= 1.0
+    assert verdict.total >= 90.0
+    assert verdict.error < 25.0
 
 
 @pytest.mark.slow

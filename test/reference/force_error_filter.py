@@ -150,6 +150,8 @@ class Belief:
         self.own[where, :, state] = 0.0
 
 
+ROUNDING: Final = 1e-12
+"""Share of a variance that is rounding error [1]."""
 NEGLIGIBLE: Final = 1e-14
 """Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
 
@@ -273,6 +275,24 @@ class ForceErrorFilter:
         own = b.own[:, 0, 0] + 2.0 * b.own[:, 0, 2] + b.own[:, 2, 2]
         variance = np.maximum(own, 0.0) + noise + self.shared_variance(sensitivity)
         return measured - self.predicted(response) - b.error[:, 2], sensitivity, np.sqrt(variance)
+
+    def post_fit(self, updated: Mask, measured: Array, response: Array, noise: Array) -> Array:
+        """Return what is left of residuals after an update, in units of its expected deviation [1], shape [taxels].
+
+        What all taxels share is gone then, of which each residual had more than of its own.
+
+        Parameters
+        ----------
+        updated : ndarray of bool, shape [taxels]
+            Taxels that were updated by these residuals.
+        measured, response, noise
+            As for `innovation`.
+        """
+        own = self.belief.own
+        alone = np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0)
+        variance = np.where(updated, np.maximum(noise - alone, ROUNDING * noise), noise + alone)
+        left: Array = (measured - self.predicted(response) - self.belief.error[:, 2]) / np.sqrt(variance)
+        return left
 
     def shared_variance(self, sensitivity: Array) -> Array:
         """Return the variance that the shared states give to residuals of a sensitivity g [N2], shape [taxels]."""

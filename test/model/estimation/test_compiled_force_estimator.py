@@ -247,7 +247,10 @@ class Both:
         spread, expected_spread = belief.slope @ root, expected.slope @ root
         variance = expected.own + expected_spread @ expected_spread.transpose(0, 2, 1)
         for state in range(belief.error.shape[1]):
-            known = math.sqrt(float(variance[:, state, state].max()))
+            # What rounds in the force error does so in the small force: both are measured by one residual.
+            known = math.sqrt(
+                float(max(variance[:, each, each].max() for each in ((0, 2) if state == 2 else (state,))))
+            )
             self.close(belief.error[:, state], expected.error[:, state], f"error {state}", known + forces * (state < 3))
             self.close(spread[:, state], expected_spread[:, state], f"slope {state}", known)
             for column in range(state + 1):
@@ -329,7 +332,7 @@ STORIES = {
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
     "a film that warms": (Story(5, 5, 3, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
-        Story(5, 5, 8, trouble=0.1, kinds=(WARMING,), sensed=False),
+        Story(5, 5, 9, trouble=0.1, kinds=(WARMING,), sensed=False),
         ("hypothesis open", "hypothesis refused"),
     ),
     "interruptions": (Story(5, 5, 5, trouble=0.2, kinds=(ONSET, GAP)), ("lower bound", "invalid")),

@@ -411,6 +411,30 @@ def test_innovations_of_the_filters_own_model_are_white_with_unit_variance(share
     assert abs(products) <= 4.0 * math.sqrt(count)
 
 
+def test_what_an_update_leaves_of_residuals_has_unit_variance_however_much_all_share() -> None:
+    shared, taxels, steps = 1, 40, 400
+    random = np.random.default_rng(6)
+    filtered = ForceErrorFilter(random_belief(random, shared, taxels))
+    start = as_dense(filtered.belief)
+    state = random.multivariate_normal(start.mean, start.covariance)
+    fixed = random_step(random, shared, taxels, 0.0, 0.0)
+    where = np.arange(taxels) != 3  # a touched taxel is not updated
+    step = replace(fixed, matrix=0.95 * np.eye(shared), noise=np.full((1, 1), 1e4), where=where)
+    left = np.zeros((steps, taxels))
+    for number in range(steps):
+        state = step.dense_transition @ state + random.multivariate_normal(np.zeros(len(state)), step.dense_noise)
+        measured = step.dense_response @ state + np.sqrt(step.measured_noise) * random.standard_normal(taxels)
+        predict(filtered, step)
+        residual, sensitivity, deviation = filtered.innovation(measured, step.response, step.measured_noise)
+        hidden = np.median(deviation / np.sqrt(step.measured_noise))
+        assert hidden > 10.0, "what all share hides a residual of one before"
+        filtered.update(where, residual, sensitivity, step.measured_noise)
+        left[number] = filtered.post_fit(where, measured, step.response, step.measured_noise)
+    # A thirty-ninth is lost to the shared state. The mean square of n unit normals has the variance 2/n.
+    spread = np.square(left[steps // 4 :]).mean(axis=0)
+    assert spread[where].mean() == pytest.approx(1.0, abs=0.05)
+
+
 def test_the_order_of_the_taxels_does_not_matter() -> None:
     random = np.random.default_rng(6)
     belief, taxels = random_belief(random, 4, 7), 7

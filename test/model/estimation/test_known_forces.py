@@ -27,6 +27,7 @@ RELEASED_BLOCKS = ReleaseDetector.RELEASED_BLOCKS
 RELEASED_SHARE = ReleaseDetector.RELEASED_SHARE
 STILL_BLOCKS = ReleaseDetector.STILL_BLOCKS
 BLOCK = 0.02
+GATE = 5.0
 NOISE = 1e-4
 THRESHOLD = 0.02
 TAXELS = 12
@@ -241,7 +242,10 @@ def test_a_change_by_the_pyroelectric_response_is_a_temperature(kelvin: float) -
 
 
 def test_a_change_within_its_deviation_needs_no_explanation() -> None:
-    assert explanation(uniform(), 0.9 * UniformChange.NOTICEABLE * 10 * NOISE / PER_KELVIN.mean() * PER_KELVIN) == 0.0
+    shared = NOISE * math.sqrt(10**2 - 1 + 1 / TAXELS)
+    change = shared / PER_KELVIN.mean() * PER_KELVIN
+    assert explanation(uniform(), 0.95 * GATE * change) == 0.0
+    assert explanation(uniform(), 1.05 * GATE * change) != 0.0
 
 
 def test_a_rise_by_another_pattern_is_a_press() -> None:

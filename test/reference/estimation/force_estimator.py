@@ -13,7 +13,6 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import dropwhile, islice
 from typing import Any, Final
 
 import numpy as np
@@ -141,6 +140,8 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
+TAP_SHARE: Final = 0.25
+"""Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
@@ -309,7 +310,8 @@ class ForceEstimator:
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
         self._usual, self._touch_force, self._tail, self._warmed, self._warmth = np.zeros((5, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._untouched_time, self._usual_offset, self._stepped, self._hidden = np.zeros((4, taxels))
+        self._untouched_time, self._usual_offset, self._stepped, self._hidden, self._felt = np.zeros((5, taxels))
+        self._tapped = np.zeros(taxels, np.bool_)
         self._factor = scans.correlated_error
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
@@ -509,7 +511,7 @@ class ForceEstimator:
             listed = listed | lost
             contacts = (*contacts, lost.nonzero()[0])
         touched = self._find_touched(listed)
-        block, beside = self._measure(touched, listed)
+        block = self._measure(touched, listed)
         begun = touched & ~self._touched
         if any_true(self._listed):
             begun &= ~self._beside  # where forces were small ones, and no zeros
@@ -537,7 +539,8 @@ class ForceEstimator:
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
-        self._touched, self._beside = touched, beside
+        self._touched = block.touched
+        self._beside = self._surroundings.dilated(block.touched)
         if not abs(self.belief.shared[Shared.FILM]) < HOTTEST:
             raise ValueError("no film survives this temperature")
         self._finish(block)
@@ -648,8 +651,8 @@ class ForceEstimator:
         if found.innovation**2 < SURPRISING**2 * expected:
             self._filter.measure_shared(found.innovation, found.sensitivity, found.variance)
 
-    def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
-        """Return the block that is due, and the taxels beside a touched one."""
+    def _measure(self, touched: Mask, listed: Mask) -> Block:
+        """Return the block that is due."""
         mean = self._sum / self._scans
         self._mean = mean
         leaked = self._raw - self._integration.signal
@@ -660,7 +663,6 @@ class ForceEstimator:
         if repeated:
             self._reading = self._sensors
         any_touched = any_true(touched)
-        near = self._surroundings.dilated(touched) if any_touched else touched
         # Noise is no motion: without this play its path would count, which is long after a minute.
         play = PLAY * np.sqrt(self._noise_variance / self._scans)
         self._steady = np.minimum(np.maximum(self._steady, mean - play), mean + play)
@@ -720,7 +722,7 @@ class ForceEstimator:
         self._last_duration = self._elapsed
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
-        return block, near
+        return block
 
     def _advance_touch(self, listed: Mask, tail: Array) -> None:
         """Advance the responses to the touch."""
@@ -752,18 +754,33 @@ class ForceEstimator:
         """Return what the offsets and the common drift add to the force errors in a time [s], as for `integrate`."""
         return time * self._per_second, np.multiply(self._drift_response.T, time).T
 
+    def _was_misled(self) -> bool:
+        """Return whether the rate of the temperature has changed since the oldest stored block unexpectedly.
+
+        That is, by more than its dynamics let expect, as the forces rose: zeros of what a wide object presses do that,
+        each by too little to be noticed.
+        """
+        if not self._blocks:
+            return False
+        before = self._blocks[0].before
+        change = float(self.belief.shared[Shared.RATE] - before.shared[Shared.RATE])
+        noise = self._dynamics.transition(before.shared, self._blocks[-1].span)[2][Shared.RATE, Shared.RATE]
+        variance = before.covariance[Shared.RATE, Shared.RATE] + len(self._blocks) * noise
+        return change * self._mean_per_kelvin > 0.0 and change * change > SURPRISING * SURPRISING * float(variance)
+
     def _process_again(self, touched: Mask) -> None:
         """Process the stored blocks again without the taxels that a touch, it turned out, had begun on.
 
         Those that do not show it themselves are left out of the last blocks only: their zeros before that tell their
-        offsets.
+        offsets. All are left out where a wide object began.
         """
+        wide = self.offset_known & self._was_misled()
         self._filter.belief = self._blocks[0].before
         blocks = tuple(self._blocks)  # the newest one may restart taxels, which forgets them
         shown = touched & (blocks[-1].listed | self._unexplained.rising)
         for index, block in enumerate(blocks):
             block.before = self.belief.copy()
-            block.touched = block.touched | (touched if index >= len(blocks) - SUSPECTED else shown)
+            block.touched = block.touched | (touched if index >= len(blocks) - SUSPECTED else shown) | wide
             self._step(block)
 
     def _step(self, block: Block) -> None:
@@ -807,8 +824,10 @@ class ForceEstimator:
             return
         usable = int(np.count_nonzero(~self.ignored))
         blind = usable < UniformChange.FEWEST or not self._uniform.observable
-        if any_true(block.touched) or self._unheated is not None or self._warms() or blind:
+        if any_true(block.listed) or self._unheated is not None or self._warms() or blind:
             self._earlier.reset()
+            return
+        if 2 * int(np.count_nonzero(block.touched & ~self.ignored)) > usable:
             return
         found = self._earlier.add(self._age, self._apart)
         rate, variance = float(self.belief.shared[Shared.RATE]), float(self.belief.covariance[Shared.RATE, Shared.RATE])
@@ -872,14 +891,17 @@ class ForceEstimator:
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
-        if listed or any_true(odd & where):
+        if listed or not any_true(block.touched):
             own = f.own_deviation(deviation, sensitivity, noise)
             # While a contact grows, the rest of a wide object rises like a warmer film.
             telling = where if listed else judged
-            kelvin = self._uniform.temperature(residual, telling, deviation, own, block.duration, listed)
+            kelvin = self._uniform.temperature(
+                residual, telling, deviation, own, block.duration, not listed and any_true(odd & where)
+            )
             if kelvin:
-                if kelvin * self._mean_per_kelvin > 0.0 and not listed:
-                    self._open_hypothesis(block)
+                known = bool((self.offset_known | self.ignored).all())
+                if kelvin * self._mean_per_kelvin > 0.0 and not listed and known:
+                    self._open_hypothesis()
                 direction = self._dynamics.maneuver(f.belief.shared, block.duration)
                 f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
                 noise = noise + (p.pyroelectric * kelvin * self._per_kelvin) ** 2
@@ -897,19 +919,27 @@ class ForceEstimator:
             )
         if block is self._blocks[-1]:
             watched = judged | faulty
-            odd |= self._unexplained.persistent(watched & ~block.touched, residual / deviation)
+            # What most taxels share is no touch of a single one.
+            updated = ~block.touched & ~odd
+            odd |= self._unexplained.persistent(
+                watched & ~block.touched & self.offset_known, f.post_fit(updated, measured, response, noise)
+            )
             self._judge(block, watched & odd, judged, residual)
 
-    def _open_hypothesis(self, block: Block) -> None:
-        """Open the hypothesis that a block shows a warmer film, and go on without it, too."""
+    def _open_hypothesis(self) -> None:
+        """Open the hypothesis that the film became warmer, and go on without it, too.
+
+        As if a touch of all taxels had begun with the stored blocks.
+        """
         if self._unheated is not None:
             return
         self._uniform.begin()
-        self._unheated = ForceErrorFilter(self.belief.copy())
-        self._expected_film, self._expected_rate = self.belief.shared[[Shared.FILM, Shared.RATE]].tolist()
-        from_here = dropwhile(lambda other: other is not block, self._blocks)
-        for later in islice(from_here, 1, None):
-            self._predict(self._unheated, later)
+        self._unheated = ForceErrorFilter(self._blocks[0].before.copy())
+        for block in self._blocks:
+            self._predict(self._unheated, block)
+            self._measure_temperature(self._unheated, block, zeros=False)
+        shared = self._unheated.belief.shared
+        self._expected_film, self._expected_rate = shared[[Shared.FILM, Shared.RATE]].tolist()
 
     def _drop_hypothesis(self) -> None:
         """Keep the belief as it is: what the other one would say no longer matters."""
@@ -940,6 +970,10 @@ class ForceEstimator:
         if not self._uniform.open:
             self._unheated = None
         self._doubt = claimed - shown if self._unheated is not None else 0.0
+        if self._unheated is None and not any_true(block.listed) and self._was_misled():
+            before = self._blocks[0].before.shared
+            passed = BLOCK * len(self._blocks)
+            self._doubt = float(self.belief.shared[Shared.FILM] - before[Shared.FILM] - before[Shared.RATE] * passed)
         unknown = odd & ~self.offset_known
         if any_true(unknown):
             self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
@@ -1092,20 +1126,28 @@ class ForceEstimator:
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
-        self._follow_hidden(block.duration)
+        self._follow_hidden(block)
         self._factor[:, COUNT + 2] = self._absorbed() + self._hidden
         self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
         self._own = own
 
-    def _follow_hidden(self, duration: float) -> None:
-        """Follow what the warmth of an object may hide of a touch that no contact lists yet."""
-        felt = np.maximum(self.force * self._touched, 0.0) if not any_true(self._listed) else np.zeros(len(self.force))
+    def _follow_hidden(self, block: Block) -> None:
+        """Follow what the warmth of an object may hide of a touch that no contact lists yet.
+
+        What a tap leaves of its force is no touch: warmth hides none of it within a block.
+        """
+        mean = np.maximum(self._mean, 0.0)
+        fallen = self._felt - mean
+        tap = (fallen > TAP_SHARE * self._felt) & (fallen**2 > GATE**2 * 2.0 * block.noise)
+        self._tapped = self._touched & (self._tapped | tap)
+        self._felt = mean
+        felt = np.where(self._touched & ~self._tapped & ~any_true(self._listed), mean, 0.0)
         variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
         kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
         most = np.abs(self._per_kelvin) * kelvin * -np.expm1(-felt / LEAST_WARMTH_FORCE)
-        self._hidden += -math.expm1(-duration / self._priors.warmth_time) * (most - self._hidden)
+        self._hidden += -math.expm1(-block.duration / self._priors.warmth_time) * (most - self._hidden)
 
     def _is_valid(self) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask

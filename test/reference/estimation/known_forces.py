@@ -270,7 +270,8 @@ class UniformChange:
     FEWEST: Final = scan_path.FEWEST_FOR_UNIFORM
     """With fewer taxels a uniform change is no evidence: a fingertip presses them all."""
     NOTICEABLE: Final = 3.0
-    """Deviations from which on a common residual needs this hypothesis [1]."""
+    """Deviations from which on a common residual needs this hypothesis where one residual alone is not expected, and
+    from which on a taxel does not fit the pattern [1]."""
     FASTEST: Final = 3.0
     """Greatest rate of a temperature [K/s], assumed."""
     MISFITS: Final = 0.2
@@ -301,7 +302,7 @@ class UniformChange:
         return not math.isnan(self._open)
 
     def temperature(
-        self, residual: Array, where: Mask, deviation: Array, own: Array, duration: float, touched: bool = False
+        self, residual: Array, where: Mask, deviation: Array, own: Array, duration: float, noticed: bool = False
     ) -> float:
         """Return the temperature change that explains the residuals of a block [K]; 0: there is none.
 
@@ -314,12 +315,11 @@ class UniformChange:
         deviation : ndarray of float64, shape [taxels]
             Their expected deviations [N].
         own : ndarray of float64, shape [taxels]
-            Those of what the taxels do not share [N].
+            Those of what the taxels do not share [N], which averages out.
         duration : float
             Duration of the block [s].
-        touched : bool, optional
-            Whether an object touches other taxels: then none of these begins to be touched as one, and what they do
-            not share averages out.
+        noticed : bool, optional
+            Whether one of the residuals alone is not expected.
         """
         if not self.observable or np.count_nonzero(where) < self.FEWEST:
             return 0.0
@@ -328,9 +328,9 @@ class UniformChange:
         kelvin = median(change / response)
         force = kelvin * response
         single, alone = median(deviation[where]), median(own[where])
-        least = self.NOTICEABLE * single
-        if touched:
-            least = GATE * math.sqrt(max(single**2 - alone**2, 0.0) + alone**2 / len(change))
+        least = (self.NOTICEABLE if noticed else GATE) * math.sqrt(
+            max(single**2 - alone**2, 0.0) + alone**2 / len(change)
+        )
         if abs(float(force.mean())) < least:
             return 0.0
         if float(force.mean()) < 0.0:
@@ -386,7 +386,7 @@ class UniformChange:
         if self._open >= wait:
             much = shown * claimed >= self.CONFIRMED * claimed * claimed
             resolved = math.isfinite(shown) and abs(claimed - shown) > self.DISTINCT * deviation
-            wrong |= resolved and not much
+            wrong |= resolved and not much and abs(claimed) >= abs(shown)
             confirmed = much and abs(shown) > self.DISTINCT * deviation
             if resolved or confirmed or abs(claimed - shown) <= negligible:
                 self.close()

@@ -18,6 +18,13 @@
 
 namespace posfet {
 
+namespace {
+
+/// Share of a variance that is rounding error [1].
+constexpr double kRounding = 1e-12;
+
+}  // namespace
+
 /// How a taxel's errors follow from a residual of its force.
 struct ForceErrorFilter::Gain {
   std::array<double, kOwnStates> own;  ///< Covariance of the errors with the residual [N2].
@@ -56,8 +63,8 @@ void ForceErrorFilter::predict(const BlockTransition& block) {
 
 void ForceErrorFilter::admit(const double* direction, double variance) {
   const std::size_t states = belief_->states();
-  std::vector<double> same(states * states, 0.0);
-  std::vector<double> noise(states * states);
+  SquareMatrix same(states * states, 0.0);
+  SquareMatrix noise(states * states);
   for (std::size_t row = 0; row < states; ++row) {
     same[row * states + row] = 1.0;
     for (std::size_t column = 0; column < states; ++column) {
@@ -145,10 +152,19 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
   predicted(response, residual);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     residual[taxel] = measured[taxel] - residual[taxel] - b.error_of(taxel)[kSmallForce];
-    const double* own = b.own_of(taxel);
-    const double alone = own[own_at(kForceError, kForceError)] + 2.0 * own[own_at(kForceError, kSmallForce)] +
-                         own[own_at(kSmallForce, kSmallForce)];
-    deviation[taxel] = std::sqrt(std::max(alone, 0.0) + noise[taxel] + deviation[taxel]);
+    deviation[taxel] = std::sqrt(b.own_variance(taxel) + noise[taxel] + deviation[taxel]);
+  }
+}
+
+void ForceErrorFilter::post_fit(const bool* updated, const double* measured, const double* response,
+                                const double* noise, double* left) const {
+  const Belief& b = *belief_;
+  predicted(response, left);
+  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
+    const double alone = b.own_variance(taxel);
+    const double variance =
+        updated[taxel] ? std::max(noise[taxel] - alone, kRounding * noise[taxel]) : noise[taxel] + alone;
+    left[taxel] = (measured[taxel] - left[taxel] - b.error_of(taxel)[kSmallForce]) / std::sqrt(variance);
   }
 }
 

@@ -93,6 +93,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       integration_(make_integration(array_)),
       dynamics_(priors_, array_.film_lag),
       filter_(make_belief(taxels(), priors_)),
+      unheated_filter_(std::make_shared<Belief>(taxels(), kSharedStates)),
       touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
       unexplained_(taxels(), array_.threshold),
@@ -112,7 +113,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
            &leaked_,         &mean_,          &last_mean_,    &steady_, &usual_,       &stepped_,
            &untouched_time_, &usual_offset_,  &absorbed_,     &tail_,   &touch_force_, &warmed_,
            &warmth_,         &own_,           &measured_,     &noise_,  &residual_,    &untouched_variance_,
-           &deviation_,      &own_deviation_, &leaked_share_, &values_, &hidden_,
+           &deviation_,      &own_deviation_, &leaked_share_, &values_, &hidden_,      &felt_,
        }) {
     values->assign(taxels(), 0.0);
   }
@@ -120,7 +121,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
     values->assign(taxels() * kSharedStates, 0.0);
   }
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_}) {
+  for (auto* mask :
+       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_, &tapped_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -436,7 +438,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   const bool any_listed = block.listed.any();
   observe_rest(any_listed);
   blocks_.push();
-  if (unheated_) {
+  if (unheated_ != nullptr) {
     predict(*unheated_, block);
     measure_temperature(*unheated_, block, false);
   }

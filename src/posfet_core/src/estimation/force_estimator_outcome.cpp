@@ -33,6 +33,9 @@ constexpr double kBeyondRange = 1.25;
 /// grows by up to two per cent per newton, half of which counts for the force itself.
 constexpr double kNonlinearity = 0.01;
 
+/// Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it.
+constexpr double kTapShare = 0.25;
+
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
 
@@ -115,13 +118,19 @@ void ForceEstimator::find_absorbed(std::vector<double>& out) const {
 }
 
 /// Follow what the warmth of an object may hide of a touch that no contact lists yet [N]. It counts in the deviation
-/// only: such a touch may be none, and the filter would explain it by the warmth.
-void ForceEstimator::follow_hidden(double duration) {
-  const double follows = -std::expm1(-duration / priors_.warmth_time);
+/// only: such a touch may be none, and the filter would explain it by the warmth. What a tap leaves of its force is no
+/// touch: warmth hides none of it within a block.
+void ForceEstimator::follow_hidden(const Block& block) {
+  const double follows = -std::expm1(-block.duration / priors_.warmth_time);
   const double kelvin = std::hypot(belief()->shared[kWarmth], std::sqrt(belief()->variance(kWarmth)));
   const bool begins = !listed_.any();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double felt = begins && touched_[taxel] ? std::max(force()[taxel], 0.0) : 0.0;
+    const double mean = std::max(mean_[taxel], 0.0);
+    const double fallen = felt_[taxel] - mean;
+    const bool tap = fallen > kTapShare * felt_[taxel] && square(fallen) > square(kGate) * 2.0 * block.noise[taxel];
+    tapped_[taxel] = touched_[taxel] && (tapped_[taxel] || tap);
+    felt_[taxel] = mean;
+    const double felt = begins && touched_[taxel] && !tapped_[taxel] ? mean : 0.0;
     const double share = -std::expm1(-felt / kLeastWarmthForce);
     hidden_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - hidden_[taxel]);
   }
@@ -132,7 +141,7 @@ void ForceEstimator::set_covariance(const Block& block) {
   ForceIntegration::State& s = state();
   std::vector<double>& shared_variance = values_;
   find_absorbed(absorbed_);
-  follow_hidden(block.duration);
+  follow_hidden(block);
   filter_.covariance_root(block.response.data(), own_.data(), response_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* sensitivity = sensitivity_.data() + taxel * kSharedStates;

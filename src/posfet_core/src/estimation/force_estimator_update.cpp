@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <vector>
 
 #include "force_estimator_constants.hpp"
@@ -35,10 +34,24 @@ constexpr double kLeastTail = 1e-4;
 
 }  // namespace
 
+/// Whether the rate of the temperature has changed since the oldest stored block by more than its dynamics let expect,
+/// as the forces rose: zeros of what a wide object presses do that, each by too little to be noticed.
+bool ForceEstimator::was_misled() {
+  if (blocks_.size() == 0) {
+    return false;
+  }
+  const Belief& before = blocks_[0].before;
+  const double change = belief()->shared[kRate] - before.shared[kRate];
+  const double noise = dynamics_.transition(before.shared, blocks_.newest().span).noise[kRate * kSharedStates + kRate];
+  const double variance = before.variance(kRate) + static_cast<double>(blocks_.size()) * noise;
+  return change * mean_per_kelvin_ > 0.0 && square(change) > square(kSurprising) * variance;
+}
+
 /// Process the stored blocks again without the taxels that a touch, it turned out, had begun on. Those that do not show
 /// it themselves are left out of the last blocks only: their zeros before that tell their offsets.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
   ++processed_again_;
+  const bool wide = was_misled();
   *belief() = blocks_[0].before;
   const std::size_t count = blocks_.size();  // the newest one may restart taxels, which forgets them
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -48,7 +61,7 @@ void ForceEstimator::process_again(const TaxelFlags& touched) {
     const TaxelFlags& begun = index + LastBlocks::kSuspected < count ? chosen_ : touched;
     TaxelFlags& stored = blocks_[index].touched;
     for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-      stored[taxel] = stored[taxel] || begun[taxel];
+      stored[taxel] = stored[taxel] || begun[taxel] || (wide && offset_known()[taxel]);
     }
   }
   for (std::size_t index = 0; index < count; ++index) {
@@ -106,8 +119,15 @@ void ForceEstimator::observe_earlier_warming(const Block& block) {
   if (adopted_ || std::isnan(apart_)) {
     return;
   }
-  if (block.touched.any() || unheated_ || warms() || usable() < kFewestForUniform || !uniform_.observable()) {
+  if (block.listed.any() || unheated_ != nullptr || warms() || usable() < kFewestForUniform || !uniform_.observable()) {
     earlier_.reset();
+    return;
+  }
+  std::size_t touched = 0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    touched += block.touched[taxel] && !ignored()[taxel] ? 1 : 0;
+  }
+  if (2 * touched > usable()) {  // a touch that begins, not one taxel that is noisy, and those beside it
     return;
   }
   const auto found = earlier_.add(integration_->block().age, apart_);
@@ -205,8 +225,12 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   TaxelFlags& watched = chosen_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     watched[taxel] = judged_[taxel] || is_zero_faulty(block, taxel);
-    zeros_[taxel] = watched[taxel] && !block.touched[taxel];
-    values_[taxel] = residual_[taxel] / deviation_[taxel];
+    zeros_[taxel] = !block.touched[taxel] && !odd_[taxel];
+  }
+  // What most taxels share is no touch of a single one.
+  filter_.post_fit(zeros_.data(), measured_.data(), response_.data(), noise_.data(), values_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    zeros_[taxel] = watched[taxel] && !block.touched[taxel] && offset_known()[taxel];
   }
   unexplained_.add_persistent(zeros_.data(), values_.data(), odd_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -271,23 +295,23 @@ void ForceEstimator::find_residuals() {
 void ForceEstimator::explain_by_temperature(std::size_t index) {
   const Block& block = blocks_[index];
   const bool listed = block.listed.any();
-  bool any_odd = false;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    any_odd = any_odd || (odd_[taxel] && zeros_[taxel]);
+  if (!listed && block.touched.any()) {
+    return;  // a touch has begun, and what follows is its own
   }
-  if (!listed && !any_odd) {
-    return;
+  bool noticed = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    noticed = noticed || (!listed && odd_[taxel] && zeros_[taxel]);
   }
   filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
   // While a contact grows, the rest of a wide object rises like a warmer film.
   const TaxelFlags& telling = listed ? zeros_ : judged_;
   const double kelvin = uniform_.temperature(residual_.data(), telling.data(), deviation_.data(), own_deviation_.data(),
-                                             block.duration, listed);
+                                             block.duration, noticed);
   if (kelvin == 0.0) {
     return;
   }
-  if (kelvin * mean_per_kelvin_ > 0.0 && !listed) {
-    open_hypothesis(index);
+  if (kelvin * mean_per_kelvin_ > 0.0 && !listed && rests_known()) {
+    open_hypothesis();
   }
   const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, block.duration);
   filter_.admit(direction.data(), square(kelvin / direction[kFilm]));
@@ -302,24 +326,36 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
   }
 }
 
-/// Open the hypothesis that a stored block shows a warmer film, and go on without it, too.
-void ForceEstimator::open_hypothesis(std::size_t index) {
-  if (unheated_) {
+/// Whether the offsets of all taxels are known but for faulty ones.
+bool ForceEstimator::rests_known() const {
+  bool known = true;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    known = known && (offset_known()[taxel] || ignored()[taxel]);
+  }
+  return known;
+}
+
+/// Open the hypothesis that the film became warmer, and go on without it, too: as if a touch of all taxels had begun
+/// with the stored blocks.
+void ForceEstimator::open_hypothesis() {
+  if (unheated_ != nullptr) {
     return;
   }
   uniform_.begin();
-  unheated_ = std::make_unique<ForceErrorFilter>(std::make_shared<Belief>(*belief()));
-  expected_film_ = belief()->shared[kFilm];
-  expected_rate_ = belief()->shared[kRate];
-  for (std::size_t later = index + 1; later < blocks_.size(); ++later) {
-    predict(*unheated_, blocks_[later]);
+  *unheated_filter_.belief() = blocks_[0].before;
+  unheated_ = &unheated_filter_;
+  for (std::size_t index = 0; index < blocks_.size(); ++index) {
+    predict(*unheated_, blocks_[index]);
+    measure_temperature(*unheated_, blocks_[index], false);
   }
+  expected_film_ = unheated_->belief()->shared[kFilm];
+  expected_rate_ = unheated_->belief()->shared[kRate];
 }
 
 /// Keep the belief as it is: what the other one would say no longer matters.
 void ForceEstimator::drop_hypothesis() {
   uniform_.close();
-  unheated_.reset();
+  unheated_ = nullptr;
   doubt_ = 0.0;
 }
 
@@ -337,9 +373,13 @@ void ForceEstimator::judge(const Block& block) {
     take_unheated(block);
   }
   if (!uniform_.open()) {
-    unheated_.reset();
+    unheated_ = nullptr;
   }
-  doubt_ = unheated_ ? evidence.claimed - evidence.shown : 0.0;
+  doubt_ = unheated_ != nullptr ? evidence.claimed - evidence.shown : 0.0;
+  if (unheated_ == nullptr && !block.listed.any() && was_misled()) {
+    const std::vector<double>& before = blocks_[0].before.shared;
+    doubt_ = belief()->shared[kFilm] - before[kFilm] - before[kRate] * kBlock * static_cast<double>(blocks_.size());
+  }
   restart_or_correct(block);
 }
 
@@ -347,8 +387,8 @@ void ForceEstimator::judge(const Block& block) {
 UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
   UniformChange::Evidence evidence{kUnknown, kUnknown, kUnknown, negligible_, UniformChange::kConfirmation};
   // The hypothesis itself makes the sensors' lag seem longer.
-  const Belief& shown = unheated_ ? *unheated_->belief() : *belief();
-  if (unheated_) {
+  const Belief& shown = unheated_ != nullptr ? *unheated_->belief() : *belief();
+  if (unheated_ != nullptr) {
     expected_film_ += (expected_rate_ + block.warming) * block.duration;
     evidence.claimed = belief()->shared[kFilm] - expected_film_;
     evidence.shown = shown.shared[kFilm] - expected_film_;
@@ -361,7 +401,7 @@ UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
 
 /// Take the belief without the hypothesis, which was wrong.
 void ForceEstimator::take_unheated(const Block& block) {
-  if (!unheated_) {
+  if (unheated_ == nullptr) {
     return;
   }
   *belief() = *unheated_->belief();

@@ -40,6 +40,8 @@ UnexplainedResiduals::UnexplainedResiduals(std::size_t taxels, double threshold)
 void UnexplainedResiduals::add_persistent(const bool* where, const double* residual, bool* odd) {
   for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
     mean_[taxel] = where[taxel] ? mean_[taxel] + (residual[taxel] - mean_[taxel]) / kPersistentBlocks : 0.0;
+  }
+  for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
     odd[taxel] = odd[taxel] || mean_[taxel] > kPersistent;
   }
 }
@@ -170,7 +172,7 @@ double UniformChange::median_of(const double* values, const bool* where) {
 }
 
 double UniformChange::temperature(const double* residual, const bool* where, const double* deviation, const double* own,
-                                  double duration, bool touched) {
+                                  double duration, bool noticed) {
   work_.clear();
   double response = 0.0;
   for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
@@ -188,7 +190,7 @@ double UniformChange::temperature(const double* residual, const bool* where, con
   const double single = median_of(deviation, where);
   const double alone = median_of(own, where);
   const double shared = std::max(single * single - alone * alone, 0.0);
-  const double least = touched ? kGate * std::sqrt(shared + alone * alone / count) : kNoticeable * single;
+  const double least = (noticed ? kNoticeable : kGate) * std::sqrt(shared + alone * alone / count);
   if (std::abs(force) < least) {
     return 0.0;
   }
@@ -222,7 +224,7 @@ bool UniformChange::is_refused(std::size_t odd, std::size_t judged, const Eviden
     const auto [claimed, shown, deviation, negligible, wait] = evidence;
     const bool much = shown * claimed >= kConfirmed * claimed * claimed;
     const bool resolved = std::abs(claimed - shown) > kDistinct * deviation;
-    wrong = wrong || (resolved && !much);
+    wrong = wrong || (resolved && !much && std::abs(claimed) >= std::abs(shown));
     const bool confirmed = much && std::abs(shown) > kDistinct * deviation;
     if (resolved || confirmed || std::abs(claimed - shown) <= negligible) {
       close();

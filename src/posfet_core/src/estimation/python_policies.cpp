@@ -377,12 +377,12 @@ void bind_uniform(const py::module_& module) {
       .def(
           "temperature",
           [](UniformChange& uniform, const Values& residual, const Tested& where, const Values& deviation,
-             const Values& own, double duration, bool touched) {
+             const Values& own, double duration, bool noticed) {
             require_all(uniform.taxels(), {residual, where, deviation, own});
-            return uniform.temperature(residual.data(), where.data(), deviation.data(), own.data(), duration, touched);
+            return uniform.temperature(residual.data(), where.data(), deviation.data(), own.data(), duration, noticed);
           },
           py::arg("residual"), py::arg("where"), py::arg("deviation"), py::arg("own"), py::arg("duration"),
-          py::arg("touched") = false, "Return the temperature change that explains the residuals [K]; 0: none.")
+          py::arg("noticed") = false, "Return the temperature change that explains the residuals [K]; 0: none.")
       .def("begin", &UniformChange::begin, "Open the hypothesis.")
       .def(
           "is_refused",

@@ -12,6 +12,7 @@
 /// own warmth of a taxel, t = m + G (s - s^) + e, cov(e) = V, cov(s) = S.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -83,6 +84,14 @@ public:
   /// The error of a force is all that a taxel shows [N], less what the shared states cause by its response to them,
   /// [states], with a variance [N2], and independent of its other states: the force itself is known.
   void know_force(std::size_t taxel, double shown, const double* response, double variance);
+
+  /// Variance of the errors of a taxel's force, d + r, given the shared states [N2].
+  double own_variance(std::size_t taxel) const {
+    const double* v = own_of(taxel);
+    return std::max(v[own_at(kForceError, kForceError)] + 2.0 * v[own_at(kForceError, kSmallForce)] +
+                        v[own_at(kSmallForce, kSmallForce)],
+                    0.0);
+  }
 
   /// Regression of one state of a taxel on the shared states, [states].
   double* slope_of(std::size_t taxel, std::size_t state) {

@@ -77,6 +77,12 @@ public:
   /// Throws std::invalid_argument where the array is none, or values are missing.
   ForceEstimator(EstimatedArray array, const ErrorPriors& priors, double block_duration = kBlock);
 
+  ~ForceEstimator() = default;
+  ForceEstimator(const ForceEstimator&) = delete;
+  ForceEstimator& operator=(const ForceEstimator&) = delete;
+  ForceEstimator(ForceEstimator&&) = delete;
+  ForceEstimator& operator=(ForceEstimator&&) = delete;
+
   std::size_t taxels() const { return array_.time_constant.size(); }
 
   /// What happens in every scan, and the state that it changes.
@@ -170,7 +176,7 @@ private:
   double tail_spread() const;
   double film_rate() const;
   void find_absorbed(std::vector<double>& out) const;
-  void follow_hidden(double duration);
+  void follow_hidden(const Block& block);
   bool warms() const;
   std::size_t usable() const;
 
@@ -197,6 +203,7 @@ private:
   Taxels held_taxels() const;
   SteadyWindow window_of(const Taxels& held) const;
 
+  bool was_misled();
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
@@ -205,7 +212,8 @@ private:
   void expect_small_forces(const Block& block);
   void find_residuals();
   void explain_by_temperature(std::size_t index);
-  void open_hypothesis(std::size_t index);
+  bool rests_known() const;
+  void open_hypothesis();
   void drop_hypothesis();
   void measure_faulty(const Block& block);
   bool is_zero_faulty(const Block& block, std::size_t taxel) const;
@@ -234,6 +242,7 @@ private:
   std::shared_ptr<ForceIntegration> integration_;
   SharedDynamics dynamics_;
   ForceErrorFilter filter_;
+  ForceErrorFilter unheated_filter_;  ///< Kept for the next hypothesis: to open one allocates no memory.
   TouchResponse touch_;
   UniformChange uniform_;
   UnexplainedResiduals unexplained_;
@@ -261,7 +270,8 @@ private:
       recent_force_{};  ///< Of the last
                         ///< blocks [N].
   std::size_t recent_ = 0;
-  std::unique_ptr<ForceErrorFilter> unheated_;  ///< The belief without the hypothesis of `uniform_`, while it is open.
+  ForceErrorFilter* unheated_ = nullptr;  ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
+                                          ///< while that is open.
   double apart_ = 0.0;          ///< Reading of the sensors less the expected one [K]; NaN: none in this block.
   bool adopted_ = false;        ///< Whether a rate of earlier warming has been found.
   double expected_film_ = 0.0;  ///< Temperature of the film without any change of its rate [K],
@@ -280,6 +290,8 @@ private:
   std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
   std::vector<double> absorbed_;            ///< What a slow press may have lost to zeros [N].
   std::vector<double> hidden_;              ///< What warmth may hide of a touch that is not listed yet [N].
+  std::vector<double> felt_;                ///< Mean force of the last block, no less than zero [N].
+  TaxelFlags tapped_;                       ///< Touched taxels that have lost most of their force within a block.
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].

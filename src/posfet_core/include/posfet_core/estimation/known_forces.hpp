@@ -137,7 +137,8 @@ private:
 /// taxel by its pyroelectric response; its rate; and, after `kConfirmation`, what the sensors show.
 class UniformChange {
 public:
-  /// Deviations from which on a common residual needs this hypothesis [1].
+  /// Deviations from which on a common residual needs this hypothesis where one residual alone is not expected, and
+  /// from which on a taxel does not fit the pattern [1].
   static constexpr double kNoticeable = 3.0;
 
   /// Greatest rate of a temperature [K/s], assumed.
@@ -177,10 +178,9 @@ public:
 
   /// The temperature change that explains the residuals [N] of a block of `duration` [s], of the taxels with a known
   /// force [K]; 0: there is none. `deviation` are their expected deviations [N], `own` those of what the taxels do not
-  /// share [N]. `touched`: an object touches other taxels; then none of these begins to be touched as one, and what
-  /// they do not share averages out.
+  /// share [N], which averages out; `noticed`: one of the residuals alone is not expected.
   double temperature(const double* residual, const bool* where, const double* deviation, const double* own,
-                     double duration, bool touched);
+                     double duration, bool noticed);
 
   /// Open the hypothesis that the forces rise with the film's temperature.
   void begin();
