@@ -13,8 +13,8 @@ the rows and scenes in which the model meets them: nothing else of the table is 
 
 Not met on board 1 with the cover `gauss`:
 
-- none: `ridged`, `rolling`, `ring`, `handle` and `grasp` are wrong by 0.6 to 1.9 % in place of 0.5, 0.1 % of the scans
-  of `overload` mislead, and 87 % of the forces of `tap` are within two deviations in place of 95.
+- none: `ridged`, `rolling`, `ring`, `handle` and `grasp` are wrong by 0.6 to 1.9 % in place of 0.5, and 0.1 % of the
+  scans of `overload` mislead.
 - Objects that warm the film by 0.1 K, if the stand does not: most of the total forces mislead. If they warm it by
   30 mK, 2.4 % do in place of 1.
 - Objects that warm the film by 0.1 K, on the stand too: forces are almost never valid.
@@ -53,6 +53,7 @@ HELD_SLOWLY = (
             "sliding",
             "pad",
             "pad_slow",
+            "tap",
             "power_on",
             "regrasp",
             "two_fingers",
@@ -61,7 +62,7 @@ HELD_SLOWLY = (
     ),
     ("drift", "pad"),
     ("drift", "pad_slow"),
-    *(("moderate", scene) for scene in ("pad", "ring", "overload", "grasp", "regrasp", "two_fingers")),
+    *(("moderate", scene) for scene in ("pad", "tap", "ring", "overload", "grasp", "regrasp", "two_fingers")),
     *(
         (row, "mixed")
         for row in (
@@ -123,6 +124,13 @@ def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
     assert verdict.misleading <= 1.0
     assert verdict.total >= 90.0
     assert verdict.error < 25.0
+
+
+def test_a_tap_within_a_scan_or_two_is_within_its_deviation() -> None:
+    # The film answers it more than the presses of a calibration by 6 to 14 %, within a block that is not over.
+    board, calibration = calibrated("moderate", BOARD, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["tap"])
+    assert min(verdict.taxels, verdict.total) >= 90.0
 
 
 @pytest.mark.slow

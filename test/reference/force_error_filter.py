@@ -276,7 +276,7 @@ class ForceErrorFilter:
         variance = np.maximum(own, 0.0) + noise + self.shared_variance(sensitivity)
         return measured - self.predicted(response) - b.error[:, 2], sensitivity, np.sqrt(variance)
 
-    def post_fit(self, updated: Mask, measured: Array, response: Array, noise: Array) -> Array:
+    def post_fit(self, updated: Mask, measured: Array, response: Array, noise: Array, unmodelled: Array) -> Array:
         """Return what is left of residuals after an update, in units of its expected deviation [1], shape [taxels].
 
         What all taxels share is gone then, of which each residual had more than of its own.
@@ -287,11 +287,13 @@ class ForceErrorFilter:
             Taxels that were updated by these residuals.
         measured, response, noise
             As for `innovation`.
+        unmodelled : ndarray of float64, shape [taxels]
+            Variances of what the filter knows nothing of [N2].
         """
         own = self.belief.own
         alone = np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0)
         variance = np.where(updated, np.maximum(noise - alone, ROUNDING * noise), noise + alone)
-        left: Array = (measured - self.predicted(response) - self.belief.error[:, 2]) / np.sqrt(variance)
+        left: Array = (measured - self.predicted(response) - self.belief.error[:, 2]) / np.sqrt(variance + unmodelled)
         return left
 
     def shared_variance(self, sensitivity: Array) -> Array:

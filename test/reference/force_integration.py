@@ -71,7 +71,8 @@ class ForceIntegration:
         self._charge, self.raw, self.change, self.correction, self.rate = np.zeros((5, taxels))
         self.force, self.sum, self.raw_sum, self.jumped, self.lost = np.zeros((5, taxels))
         self._limits = greatest_loss, noticeable, fastest, negligible
-        self.clipped, self.correlated_error = np.zeros(taxels), np.zeros((taxels, causes))
+        self.clipped, self.held, self.rise_deviation = np.zeros(taxels), np.zeros(taxels), 0.0
+        self.correlated_error = np.zeros((taxels, causes))
         self.offset_known, self.ignored = np.zeros((2, taxels), np.bool_)
         self.started = self.valid = False
         self.age = 0.0

@@ -192,6 +192,8 @@ class ScanPath:
             self.finder.bits(self._unlisted),
             interpolated if interpolated.any() else None,
             integration.correlated_error,
+            force - integration.held,
+            integration.rise_deviation,
         )
         found = self.finder.measure(regions, taxels, self.tracker.regions)
         self.contacts = self.tracker.update(found, step)

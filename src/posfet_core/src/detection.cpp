@@ -128,7 +128,8 @@ ContactFinder::Patch ContactFinder::patch(const Footprint& footprint, const Forc
     }
   }
   const double highest = greatest(taxels.force, footprint.members);
-  return {footprint, std::move(weight), taxels.variance_of_sum(counted), highest, taxels};
+  const double variance = taxels.variance_of_sum(counted) + taxels.variance_of_rise(counted);
+  return {footprint, std::move(weight), variance, highest, taxels};
 }
 
 /// The taxels that a region lists; none: it is no contact.

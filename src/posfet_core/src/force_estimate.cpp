@@ -7,6 +7,8 @@
 
 #include "posfet_core/force_estimate.hpp"
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
@@ -25,6 +27,17 @@ double ForceEstimate::variance_of_sum(const Taxels& taxels) const {
     sums_.clear();
   }
   return sums_.emplace(taxels, computed_variance_of_sum(taxels)).first->second;
+}
+
+double ForceEstimate::variance_of_rise(const Taxels& taxels) const {
+  if (held == nullptr) {
+    return 0.0;
+  }
+  double risen = 0.0;
+  for (const Taxel taxel : taxels) {
+    risen += force[taxel] - held[taxel];
+  }
+  return square(*rise_deviation * risen);
 }
 
 double ForceEstimate::computed_variance_of_sum(const Taxels& taxels) const {

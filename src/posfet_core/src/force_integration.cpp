@@ -97,8 +97,8 @@ ForceIntegration::ForceIntegration(std::vector<double> time_constant, std::vecto
   mean_newton_per_kelvin_ = std::accumulate(newton_per_kelvin_.begin(), newton_per_kelvin_.end(), 0.0) /
                             static_cast<double>(newton_per_kelvin_.size());
   State& s = state_;
-  for (auto* values :
-       {&s.raw, &s.change, &s.correction, &s.rate, &s.force, &s.sum, &s.raw_sum, &s.jumped, &s.lost, &s.clipped}) {
+  for (auto* values : {&s.raw, &s.change, &s.correction, &s.rate, &s.force, &s.sum, &s.raw_sum, &s.jumped, &s.lost,
+                       &s.clipped, &s.held}) {
     values->assign(taxels(), 0.0);
   }
   s.correlated_error.assign(taxels() * causes, 0.0);

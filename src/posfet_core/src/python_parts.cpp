@@ -270,6 +270,11 @@ void bind_integration(const py::module_& module) {
       .def_property_readonly("clipped", &state_of<&State::clipped>, "Force that leaked unseen of saturated taxels [N].")
       .def_property_readonly("offset_known", &flags_of_state<&State::offset_known>, "Taxels whose offset is known.")
       .def_property_readonly("ignored", &flags_of_state<&State::ignored>, "Faulty taxels.")
+      .def_property_readonly("held", &state_of<&State::held>, "Touched force at the end of the last block [N].")
+      .def_property(
+          "rise_deviation", [](const ForceIntegration& integration) { return integration.state().rise_deviation; },
+          [](ForceIntegration& integration, double deviation) { integration.state().rise_deviation = deviation; },
+          "Relative deviation of what a force has changed by since then [1].")
       .def_property_readonly(
           "correlated_error",
           [](const py::object& self) {

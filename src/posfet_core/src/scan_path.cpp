@@ -55,6 +55,8 @@ ScanPath::ScanPath(ScanParts parts, const InverseSignalChain& chain, std::vector
   estimate_.variance = variance_.data();
   estimate_.correlated_error = state.correlated_error.data();
   estimate_.causes = parts_.integration->causes();
+  estimate_.held = state.held.data();
+  estimate_.rise_deviation = &state.rise_deviation;
   scan_estimate_ = estimate_;
   scan_estimate_.variance = scan_variance_.data();
 }

@@ -429,7 +429,7 @@ def test_what_an_update_leaves_of_residuals_has_unit_variance_however_much_all_s
         hidden = np.median(deviation / np.sqrt(step.measured_noise))
         assert hidden > 10.0, "what all share hides a residual of one before"
         filtered.update(where, residual, sensitivity, step.measured_noise)
-        left[number] = filtered.post_fit(where, measured, step.response, step.measured_noise)
+        left[number] = filtered.post_fit(where, measured, step.response, step.measured_noise, np.zeros(taxels))
     # A thirty-ninth is lost to the shared state. The mean square of n unit normals has the variance 2/n.
     spread = np.square(left[steps // 4 :]).mean(axis=0)
     assert spread[where].mean() == pytest.approx(1.0, abs=0.05)

@@ -106,6 +106,11 @@ class ForceEstimate:
     correlated_error: NDArray[np.float64] | None = None
     """Factor E of the covariance E E' that the forces have in common [N], shape [rows * cols, causes]."""
 
+    risen: NDArray[np.float64] | None = None
+    """What the forces have changed by since the last block [N], shape [rows * cols]."""
+    rise_deviation: float = 0.0
+    """Relative standard deviation of that, shared by all [1]."""
+
     def variance_of_sum(self, footprint: Footprint, counted: NDArray[np.bool_]) -> float:
         """Return the variance of a sum of forces.
 
@@ -125,6 +130,8 @@ class ForceEstimate:
         variance = float(sum_in_order(self.variance[taxels]))
         if self.correlated_error is not None:
             variance += float(np.square(self.correlated_error[taxels].sum(axis=0)).sum())
+        if self.risen is not None:
+            variance += (self.rise_deviation * float(sum_in_order(self.risen[taxels]))) ** 2
         return variance
 
 

@@ -140,6 +140,9 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
+BRIEF: Final = 2.0
+"""By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
+response [1]; assumed."""
 TAP_SHARE: Final = 0.25
 """Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
 ABSORBED_TIME: Final = 5.0
@@ -313,6 +316,8 @@ class ForceEstimator:
         self._untouched_time, self._usual_offset, self._stepped, self._hidden, self._felt = np.zeros((5, taxels))
         self._tapped = np.zeros(taxels, np.bool_)
         self._factor = scans.correlated_error
+        fastest = math.hypot(self._priors.creep_mean[0], self._priors.creep[0])
+        scans.rise_deviation = math.hypot(self._gain_common, BRIEF * fastest)
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
         self._listed, self._touched, self._beside, self._nowhere = np.zeros((4, taxels), np.bool_)
@@ -443,6 +448,7 @@ class ForceEstimator:
         belief.own[:, 0, 0] += self._noise_variance
         self._correction -= change
         self.force += change
+        self._integration.held[:] += change
         self._usual -= change
         self._mean = self._mean + change
         self._blocks.clear()
@@ -921,8 +927,12 @@ class ForceEstimator:
             watched = judged | faulty
             # What most taxels share is no touch of a single one.
             updated = ~block.touched & ~odd
+            # Responses differ, and leak as time constants do: by the rate before a touch that may have changed it.
+            warming = p.pyroelectric * float(self._blocks[0].before.shared[Shared.RATE]) * block.duration
+            unmodelled = (self._per_kelvin * warming) ** 2
             odd |= self._unexplained.persistent(
-                watched & ~block.touched & self.offset_known, f.post_fit(updated, measured, response, noise)
+                watched & ~block.touched & self.offset_known,
+                f.post_fit(updated, measured, response, noise, unmodelled),
             )
             self._judge(block, watched & odd, judged, residual)
 
@@ -970,7 +980,8 @@ class ForceEstimator:
         if not self._uniform.open:
             self._unheated = None
         self._doubt = claimed - shown if self._unheated is not None else 0.0
-        if self._unheated is None and not any_true(block.listed) and self._was_misled():
+        rests = self._rested >= LAG * BLOCK  # a release moves the rate, too
+        if self._unheated is None and rests and self._was_misled():
             before = self._blocks[0].before.shared
             passed = BLOCK * len(self._blocks)
             self._doubt = float(self.belief.shared[Shared.FILM] - before[Shared.FILM] - before[Shared.RATE] * passed)
@@ -1123,6 +1134,7 @@ class ForceEstimator:
         by_warmth = np.where(warms, belief.own[:, 0, 4] ** 2 / np.where(warms, belief.own[:, 4, 4], 1.0), 0.0)
         alone = np.maximum(own - by_response - by_warmth, 0.0)
         self._untouched_variance = alone + self._filter.shared_variance(sensitivity)
+        self._integration.held[:] = held
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
@@ -1206,7 +1218,7 @@ class ForceEstimator:
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)
-        self.force[:] = np.maximum(remaining, 0.0)
+        self.force[:] = self._integration.held[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
         shown, variance = self._correction - self._touch.loops, self._noise_variance + belief.own[:, 1, 1]
         belief.know_force(np.ones(len(signal), np.bool_), shown, self._touch.matrix(), variance)
@@ -1254,7 +1266,7 @@ class ForceEstimator:
         self._rate[where] = (self._offset() / self._tau)[where]
         self.offset_known[where] = False
         self._correction[where] = self._raw[where]
-        self.force[where] = 0.0
+        self.force[where] = self._integration.held[where] = 0.0
         self._usual[where] = belief.error[where, 0]
         self._usual_offset[where] = belief.error[where, 1]
         self._agreed = 0.0

@@ -29,9 +29,14 @@ public:
   /// Factor E of the covariance E E' that the forces have in common [N], of shape [taxels, causes], row by row.
   const double* correlated_error = nullptr;
   std::size_t causes = 0;
+  const double* held = nullptr;            ///< Force that these errors are about [N]; null: all of it.
+  const double* rise_deviation = nullptr;  ///< Relative standard deviation of what a force has changed by since [1].
 
   /// Variance of the sum of the forces of some taxels [N2]; kept until `forget`, as regions repeat.
   double variance_of_sum(const Taxels& taxels) const;
+
+  /// Variance of what the forces of some taxels have changed by since the last block [N2].
+  double variance_of_rise(const Taxels& taxels) const;
 
   /// Compute the variances again: variances or correlated errors have changed.
   void forget() { sums_.clear(); }

@@ -100,6 +100,8 @@ public:
     std::vector<double> jumped;      ///< Variance of what leaked of jumps within long steps of the block [N2].
     std::vector<double> lost;        ///< Standard deviation of what leaked in lost scans, common to all taxels [N].
     std::vector<double> clipped;     ///< Force that leaked unseen while a taxel was saturated in the block [N].
+    std::vector<double> held;        ///< Touched force at the end of the last block [N].
+    double rise_deviation = 0.0;     ///< Relative standard deviation of what a force has changed by since then [1].
     std::vector<double> correlated_error;  ///< Factor E of the covariance E E' of the forces [N], [taxels, causes];
                                            ///< the last cause is what leaked in lost scans.
     TaxelFlags offset_known;               ///< Taxels whose offset is known.

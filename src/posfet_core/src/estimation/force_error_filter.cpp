@@ -157,14 +157,13 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
 }
 
 void ForceErrorFilter::post_fit(const bool* updated, const double* measured, const double* response,
-                                const double* noise, double* left) const {
+                                const double* noise, const double* unmodelled, double* left) const {
   const Belief& b = *belief_;
   predicted(response, left);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     const double alone = b.own_variance(taxel);
-    const double variance =
-        updated[taxel] ? std::max(noise[taxel] - alone, kRounding * noise[taxel]) : noise[taxel] + alone;
-    left[taxel] = (measured[taxel] - left[taxel] - b.error_of(taxel)[kSmallForce]) / std::sqrt(variance);
+    const double own = updated[taxel] ? std::max(noise[taxel] - alone, kRounding * noise[taxel]) : noise[taxel] + alone;
+    left[taxel] = (measured[taxel] - left[taxel] - b.error_of(taxel)[kSmallForce]) / std::sqrt(own + unmodelled[taxel]);
   }
 }
 

@@ -37,6 +37,10 @@ constexpr double kOffsetSpread = 2.0;
 /// Time after which a force without which an object released counts as none after an interruption [s].
 constexpr double kLostForceTime = 2.0;
 
+/// By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
+/// response [1]: this is by about as many of their time constants faster, of which a calibration sees nothing; assumed.
+constexpr double kBrief = 2.0;
+
 /// Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1].
 constexpr double kNoticeable = 0.3;
 
@@ -120,6 +124,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
   for (auto* values : {&response_, &sensitivity_, &driven_}) {
     values->assign(taxels() * kSharedStates, 0.0);
   }
+  const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
+  state().rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
   for (auto* mask :
        {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_, &tapped_}) {
@@ -241,6 +247,7 @@ void ForceEstimator::tare(bool forced, double* change) {
     belief()->own_of(taxel)[own_at(kForceError, kForceError)] += noise_variance_[taxel];
     state().correction[taxel] -= change[taxel];
     state().force[taxel] += change[taxel];
+    state().held[taxel] += change[taxel];
     usual_[taxel] -= change[taxel];
     mean_[taxel] += change[taxel];
   }
@@ -305,7 +312,7 @@ void ForceEstimator::start(const double* charge) {
     const double left = s.offset_known[taxel] ? signal(taxel) - offset(taxel) : 0.0;
     before[taxel] = s.ignored[taxel] ? 0.0 : s.force[taxel];
     remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
-    s.force[taxel] = std::max(left, 0.0);
+    s.held[taxel] = s.force[taxel] = std::max(left, 0.0);
     s.correction[taxel] = s.raw[taxel] - s.force[taxel];
     b.know_force(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
                  noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
@@ -398,7 +405,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       s.rate[taxel] = offset(taxel) / array_.time_constant[taxel];
       s.offset_known[taxel] = false;
       s.correction[taxel] = s.raw[taxel];
-      s.force[taxel] = 0.0;
+      s.held[taxel] = s.force[taxel] = 0.0;
       usual_[taxel] = b.error_of(taxel)[kForceError];
       usual_offset_[taxel] = b.error_of(taxel)[kOffset];
     }

@@ -153,6 +153,7 @@ void ForceEstimator::set_covariance(const Block& block) {
   filter_.shared_variance(sensitivity_.data(), shared_variance.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double held = touched_[taxel] ? std::max(s.force[taxel], 0.0) : 0.0;
+    s.held[taxel] = held;
     const double* own = b.own_of(taxel);
     double& lost = s.lost[taxel];
     lost = touched_[taxel] ? lost : 0.0;

@@ -228,7 +228,13 @@ void ForceEstimator::measure_zeros(std::size_t index) {
     zeros_[taxel] = !block.touched[taxel] && !odd_[taxel];
   }
   // What most taxels share is no touch of a single one.
-  filter_.post_fit(zeros_.data(), measured_.data(), response_.data(), noise_.data(), values_.data());
+  // Responses differ, and leak as time constants do: by the rate before a touch that may have changed it.
+  const double warming = priors_.pyroelectric * blocks_[0].before.shared[kRate] * block.duration;
+  std::vector<double>& unmodelled = own_deviation_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    unmodelled[taxel] = square(array_.newton_per_kelvin[taxel] * warming);
+  }
+  filter_.post_fit(zeros_.data(), measured_.data(), response_.data(), noise_.data(), unmodelled.data(), values_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     zeros_[taxel] = watched[taxel] && !block.touched[taxel] && offset_known()[taxel];
   }
@@ -376,7 +382,8 @@ void ForceEstimator::judge(const Block& block) {
     unheated_ = nullptr;
   }
   doubt_ = unheated_ != nullptr ? evidence.claimed - evidence.shown : 0.0;
-  if (unheated_ == nullptr && !block.listed.any() && was_misled()) {
+  const bool rests = rested_ >= LastBlocks::kLag * block_duration_;  // a release moves the rate, too
+  if (unheated_ == nullptr && rests && was_misled()) {
     const std::vector<double>& before = blocks_[0].before.shared;
     doubt_ = belief()->shared[kFilm] - before[kFilm] - before[kRate] * kBlock * static_cast<double>(blocks_.size());
   }

@@ -222,16 +222,17 @@ void bind_measurements(BoundFilter& bound) {
       .def(
           "post_fit",
           [](const ForceErrorFilter& filter, const Tested& updated, const Values& measured, const Values& response,
-             const Values& noise) {
+             const Values& noise, const Values& unmodelled) {
             const Belief& belief = *filter.belief();
             const std::size_t taxels = belief.taxels();
             py::array_t<double> left = new_array({taxels});
             filter.post_fit(taxel_flags(updated, belief, "updated"), shaped(measured, {taxels}, "measured"),
                             shaped(response, {taxels, belief.states()}, "response"), shaped(noise, {taxels}, "noise"),
-                            left.mutable_data());
+                            shaped(unmodelled, {taxels}, "unmodelled"), left.mutable_data());
             return left;
           },
-          py::arg("updated"), py::arg("measured"), py::arg("response"), py::arg("noise"),
+          py::arg("updated"), py::arg("measured"), py::arg("response"), py::arg("noise"), py::arg("unmodelled"),
+
           "Return what is left of residuals after an update, in units of its expected deviation [1].")
       .def(
           "predicted",

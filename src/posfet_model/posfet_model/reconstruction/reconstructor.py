@@ -210,6 +210,7 @@ class Reconstructor:
         self._variance = np.zeros(taxels)
         self._measured = np.zeros(taxels, np.bool_)
         """Taxels whose load is a reading, and no estimate by the neighbours."""
+        self._errors = np.zeros((taxels, self._estimator.correlated_error.shape[1] + 1))
         self._result = _LastResult(self._path)
         self._image = ForceImage.unknown(taxels)
 
@@ -447,7 +448,7 @@ class Reconstructor:
         if self._result.contacts:
             self._keep_non_negative(known)
         self._variance = estimator.force_variance(self._variance)
-        shared = estimator.correlated_error
+        shared = self._shared_errors()
         each = self._variance + np.einsum("ij,ij->i", shared, shared)
         np.sqrt(each, out=image.standard_deviation, casting="same_kind")
         image.status[:] = faults.status
@@ -464,6 +465,14 @@ class Reconstructor:
                 image.standard_deviation[bounded] = math.nan
                 image.total_standard_deviation = math.nan
         return image
+
+    def _shared_errors(self) -> NDArray[np.float64]:
+        """Return a factor of the errors that the forces share, with that of what they changed by since the block."""
+        estimator, integration = self._estimator, self._estimator.integration
+        self._errors[:, :-1] = estimator.correlated_error
+        np.subtract(estimator.force, integration.held, out=self._errors[:, -1])
+        self._errors[:, -1] *= integration.rise_deviation
+        return self._errors
 
     def _set_total(self, known: NDArray[np.bool_]) -> None:
         """Set the loads and their sum: those of faulty taxels as contacts estimate them."""
@@ -486,7 +495,7 @@ class Reconstructor:
             np.copyto(image.load_variance, np.square(self._path.filled_deviation), where=self._interpolated)
             image.total += float(image.load.sum(where=self._interpolated))
         variance = float(image.load_variance.sum())  # NaN: a taxel without a usable neighbour
-        shared = estimator.correlated_error.sum(axis=0, where=self._measured[:, np.newaxis])
+        shared = self._errors.sum(axis=0, where=self._measured[:, np.newaxis])
         image.total_standard_deviation = math.sqrt(variance + float(np.square(shared).sum()))
 
     def covariance(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -502,10 +511,10 @@ class Reconstructor:
         ndarray of float64, shape [sums, sums]
             Covariance [N2] times the units of the weights; NaN while a taxel is saturated or none has a force.
         """
-        estimator, image = self._estimator, self._image
+        image = self._image
         if math.isnan(image.total_standard_deviation):
             return np.full((len(weights), len(weights)), math.nan)
-        shared = np.where(self._measured, weights, 0.0) @ estimator.correlated_error
+        shared = np.where(self._measured, weights, 0.0) @ self._errors
         covariance: NDArray[np.float64] = (weights * image.load_variance) @ weights.T + shared @ shared.T
         return covariance
 

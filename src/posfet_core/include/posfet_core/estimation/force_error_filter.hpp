@@ -71,9 +71,10 @@ public:
   void own_deviation(const double* deviation, const double* sensitivity, const double* noise, double* own) const;
 
   /// Find what is left of residuals after an update by those of the taxels marked, in units of its expected deviation
-  /// [1]: what all taxels share is gone then, of which each residual had more than of its own.
+  /// [1]: what all taxels share is gone then, of which each residual had more than of its own. `unmodelled` are the
+  /// variances of what the filter knows nothing of [N2].
   void post_fit(const bool* updated, const double* measured, const double* response, const double* noise,
-                double* left) const;
+                const double* unmodelled, double* left) const;
 
   /// Find the errors of the forces for these responses to the shared states [N].
   void predicted(const double* response, double* errors) const;
