@@ -60,8 +60,6 @@ HELD_SLOWLY = (
             "hold300",
         )
     ),
-    ("drift", "pad"),
-    ("drift", "pad_slow"),
     *(("moderate", scene) for scene in ("pad", "tap", "ring", "overload", "grasp", "regrasp", "two_fingers")),
     *(
         (row, "mixed")
@@ -137,6 +135,15 @@ def test_a_tap_within_a_scan_or_two_is_within_its_deviation() -> None:
 @pytest.mark.parametrize(("row", "scene"), HELD_SLOWLY)
 def test_the_model_meets_the_requirements_of_single_effects(row: str, scene: str) -> None:
     check(row, scene)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["pad", "pad_slow"])
+def test_pads_are_measured_while_the_chip_drifts_by_2_kelvin_a_minute(scene: str) -> None:
+    # Zeros of all taxels made the film seem to turn: 16 % of the scans of slow pads misled.
+    board, calibration = calibrated("drift", BOARD, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()[scene])
+    assert not verdict.failures(Limits(2.0, 90.0, 1.0)), verdict
 
 
 # The plant itself
