@@ -8,6 +8,7 @@
 // A step of the filter: what is known of the forces of a block, and what follows for the errors.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -146,7 +147,8 @@ void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& 
   warmer[kDrift] = -mean_per_kelvin_;
   warmer[kChip] = SharedDynamics::sensor_lag(b.shared);
   warmer[kFilm] = warmer[kChip] - array_.film_lag;
-  const std::vector<double> same = b.shared;  // lag and scale
+  std::array<double, kSharedStates> same{};  // lag and scale
+  std::copy(b.shared.begin(), b.shared.end(), same.begin());
   filter_.restart_temperature(block.reading, same.data(), priors_.covariance().data());
   filter_.admit(warmer.data(), square(found.deviation));
   for (std::size_t state = 0; state < kSharedStates; ++state) {
