@@ -149,6 +149,12 @@ class Belief:
         self.own[where, state] = 0.0
         self.own[where, :, state] = 0.0
 
+    def own_variance(self) -> Array:
+        """Return the variance of the errors of each force, d + r, given the shared states [N2], shape [taxels]."""
+        own = self.own
+        variance: Array = np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0)
+        return variance
+
 
 ROUNDING: Final = 1e-12
 """Share of a variance that is rounding error [1]."""
@@ -272,8 +278,7 @@ class ForceErrorFilter:
         """
         b = self.belief
         sensitivity = response + b.slope[:, 0] + b.slope[:, 2]
-        own = b.own[:, 0, 0] + 2.0 * b.own[:, 0, 2] + b.own[:, 2, 2]
-        variance = np.maximum(own, 0.0) + noise + self.shared_variance(sensitivity)
+        variance = b.own_variance() + noise + self.shared_variance(sensitivity)
         return measured - self.predicted(response) - b.error[:, 2], sensitivity, np.sqrt(variance)
 
     def post_fit(self, updated: Mask, measured: Array, response: Array, noise: Array, unmodelled: Array) -> Array:
@@ -290,8 +295,7 @@ class ForceErrorFilter:
         unmodelled : ndarray of float64, shape [taxels]
             Variances of what the filter knows nothing of [N2].
         """
-        own = self.belief.own
-        alone = np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0)
+        alone = self.belief.own_variance()
         variance = np.where(updated, np.maximum(noise - alone, ROUNDING * noise), noise + alone)
         left: Array = (measured - self.predicted(response) - self.belief.error[:, 2]) / np.sqrt(variance + unmodelled)
         return left

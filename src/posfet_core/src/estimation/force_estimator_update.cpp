@@ -48,6 +48,16 @@ bool ForceEstimator::was_misled() {
   return change * mean_per_kelvin_ > 0.0 && square(change) > square(kSurprising) * variance;
 }
 
+/// By how much zeros of a wide object may have changed the film's temperature unnoticed since the oldest stored block
+/// [K]. Not soon after a contact, whose release moves the rate, too.
+double ForceEstimator::unnoticed_change() {
+  if (rested_ < LastBlocks::kLag * block_duration_ || !was_misled()) {
+    return 0.0;
+  }
+  const std::vector<double>& before = blocks_[0].before.shared;
+  return belief()->shared[kFilm] - before[kFilm] - before[kRate] * kBlock * static_cast<double>(blocks_.size());
+}
+
 /// Process the stored blocks again without the taxels that a touch, it turned out, had begun on. Those that do not show
 /// it themselves are left out of the last blocks only: their zeros before that tell their offsets.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
@@ -224,27 +234,33 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   if (index + 1 < blocks_.size()) {
     return;
   }
-  TaxelFlags& watched = chosen_;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    watched[taxel] = judged_[taxel] || is_zero_faulty(block, taxel);
-    zeros_[taxel] = !block.touched[taxel] && !odd_[taxel];
-  }
-  // What most taxels share is no touch of a single one.
+  find_slow_touches(block);
+  judge(block);
+}
+
+/// Find taxels whose residuals have been positive for too long. What most taxels share, an update has explained: it is
+/// no touch of a single one. Keeps of the residuals that are not expected those of taxels that count.
+void ForceEstimator::find_slow_touches(const Block& block) {
+  TaxelFlags& updated = zeros_;
+  std::vector<double>& unmodelled = own_deviation_;
   // Responses differ, and leak as time constants do: by the rate before a touch that may have changed it.
   const double warming = priors_.pyroelectric * blocks_[0].before.shared[kRate] * block.duration;
-  std::vector<double>& unmodelled = own_deviation_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    updated[taxel] = !block.touched[taxel] && !odd_[taxel];
     unmodelled[taxel] = square(array_.newton_per_kelvin[taxel] * warming);
   }
-  filter_.post_fit(zeros_.data(), measured_.data(), response_.data(), noise_.data(), unmodelled.data(), values_.data());
+  filter_.post_fit(updated.data(), measured_.data(), response_.data(), noise_.data(), unmodelled.data(),
+                   values_.data());
+  TaxelFlags& watched = chosen_;
+  TaxelFlags& zeros = zeros_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    zeros_[taxel] = watched[taxel] && !block.touched[taxel] && offset_known()[taxel];
+    watched[taxel] = judged_[taxel] || is_zero_faulty(block, taxel);
+    zeros[taxel] = watched[taxel] && !block.touched[taxel] && offset_known()[taxel];
   }
-  unexplained_.add_persistent(zeros_.data(), values_.data(), odd_.data());
+  unexplained_.add_persistent(zeros.data(), values_.data(), odd_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     odd_[taxel] = odd_[taxel] && watched[taxel];
   }
-  judge(block);
 }
 
 /// Whether a taxel is faulty, and in no contact.
@@ -383,12 +399,7 @@ void ForceEstimator::judge(const Block& block) {
   if (!uniform_.open()) {
     unheated_ = nullptr;
   }
-  doubt_ = unheated_ != nullptr ? evidence.claimed - evidence.shown : 0.0;
-  const bool rests = rested_ >= LastBlocks::kLag * block_duration_;  // a release moves the rate, too
-  if (unheated_ == nullptr && rests && was_misled()) {
-    const std::vector<double>& before = blocks_[0].before.shared;
-    doubt_ = belief()->shared[kFilm] - before[kFilm] - before[kRate] * kBlock * static_cast<double>(blocks_.size());
-  }
+  doubt_ = unheated_ != nullptr ? evidence.claimed - evidence.shown : unnoticed_change();
   restart_or_correct(block);
 }
 

@@ -40,8 +40,6 @@ UnexplainedResiduals::UnexplainedResiduals(std::size_t taxels, double threshold)
 void UnexplainedResiduals::add_persistent(const bool* where, const double* residual, bool* odd) {
   for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
     mean_[taxel] = where[taxel] ? mean_[taxel] + (residual[taxel] - mean_[taxel]) / kPersistentBlocks : 0.0;
-  }
-  for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
     odd[taxel] = odd[taxel] || mean_[taxel] > kPersistent;
   }
 }

@@ -232,7 +232,6 @@ void bind_measurements(BoundFilter& bound) {
             return left;
           },
           py::arg("updated"), py::arg("measured"), py::arg("response"), py::arg("noise"), py::arg("unmodelled"),
-
           "Return what is left of residuals after an update, in units of its expected deviation [1].")
       .def(
           "predicted",

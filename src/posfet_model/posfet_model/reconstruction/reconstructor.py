@@ -211,6 +211,7 @@ class Reconstructor:
         self._measured = np.zeros(taxels, np.bool_)
         """Taxels whose load is a reading, and no estimate by the neighbours."""
         self._errors = np.zeros((taxels, self._estimator.correlated_error.shape[1] + 1))
+        """Factor of the errors that the forces share, as of the last `image`, shape [taxels, causes + 1]."""
         self._result = _LastResult(self._path)
         self._image = ForceImage.unknown(taxels)
 

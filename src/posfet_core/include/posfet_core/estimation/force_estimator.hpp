@@ -204,11 +204,13 @@ private:
   SteadyWindow window_of(const Taxels& held) const;
 
   bool was_misled();
+  double unnoticed_change();
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
   double measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   void measure_zeros(std::size_t index);
+  void find_slow_touches(const Block& block);
   void expect_small_forces(const Block& block);
   void find_residuals();
   void explain_by_temperature(std::size_t index);
