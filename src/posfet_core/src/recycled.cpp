@@ -25,6 +25,10 @@ constexpr std::size_t kSmallest = 32;
 constexpr std::size_t kSizes = 16;
 constexpr std::size_t kLargest = kSmallest << (kSizes - 1);
 
+/// Smaller blocks are taken from the system so many bytes at once: the greatest number in use keeps growing for long,
+/// always more slowly, and the end of a block of scans would allocate long after the first touches.
+constexpr std::size_t kAtOnce = 4096;
+
 /// A block that is not in use.
 struct Free {
   Free* next;
@@ -96,7 +100,13 @@ void* take_block(std::size_t bytes) {
     kept->list(index) = block->next;
     return block;
   }
-  return ::operator new(kSmallest << index);
+  const std::size_t size = kSmallest << index;
+  if (kept != nullptr) {
+    for (std::size_t ahead = 2 * size; ahead <= kAtOnce; ahead += size) {
+      give_block(::operator new(size), size);
+    }
+  }
+  return ::operator new(size);
 }
 
 void give_block(void* block, std::size_t bytes) noexcept {

@@ -8,8 +8,8 @@
 /// Containers of what changes from scan to scan, whose memory is recycled: what one scan frees the next one takes, so
 /// that in steady state nothing is allocated, and no lock is taken.
 ///
-/// Each thread keeps blocks of powers of two, as many as were ever in use at once, and frees them when it ends. Under
-/// AddressSanitizer an access to a block that is not in use is found as in memory that was freed.
+/// Each thread keeps blocks of powers of two, as many as were ever in use at once and some more, and frees them when it
+/// ends. Under AddressSanitizer an access to a block that is not in use is found as in memory that was freed.
 #pragma once
 
 #include <cstddef>
