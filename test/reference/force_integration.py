@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,16 @@ FEWEST = 5
 
 LEAST_LOADED = 0.2
 """Quantile of the forces that represents the least-loaded taxels [1]."""
+
+LEAK_STEP: Final = 1.0 / 32.0
+"""Temperatures by which the leakage is distinguished [K]."""
+GREATEST_LEAK: Final = 1.5
+"""Greatest logarithm of what a temperature makes of the leakage [1]."""
+
+
+def round_half_away(value: float) -> float:
+    """Return the nearest whole number; a half is rounded away from zero."""
+    return value if math.isnan(value) else math.copysign(math.floor(abs(value) + 0.5), value)
 
 
 class ForceIntegration:
@@ -51,6 +62,10 @@ class ForceIntegration:
         Uniform change of the film's temperature with which forces are still valid [K].
     causes : int
         Number of causes of errors that the forces have in common.
+    leak_per_kelvin : float
+        Increase of the leak rates per temperature, of their logarithm [1/K].
+    leak_temperature : float
+        Temperature at which they are as given [degC]; NaN: unknown.
     """
 
     def __init__(
@@ -64,6 +79,8 @@ class ForceIntegration:
         fastest: float = 0.0,
         negligible: float = 0.0,
         causes: int = 1,
+        leak_per_kelvin: float = 0.0,
+        leak_temperature: float = math.nan,
     ):
         self._tau, self._per_charge = time_constant, newton_per_charge
         self._per_kelvin, self._long_step = newton_per_kelvin, long_step
@@ -78,6 +95,8 @@ class ForceIntegration:
         self.age = 0.0
         self.reading = self.sensors = math.nan
         self.thermometers = Thermometers()
+        self._leak_per_kelvin, self._leak_temperature = leak_per_kelvin, leak_temperature
+        self.warmer, self.leak = math.nan, 1.0
         self.watch_none()
         self.start_block()
 
@@ -121,11 +140,11 @@ class ForceIntegration:
 
     def clip(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Note what leaked unseen of the saturated taxels in a step."""
-        self.clipped[saturated] += np.abs(self.signal[saturated]) * (step / self._tau[saturated])
+        self.clipped[saturated] += np.abs(self.signal[saturated]) * (step * self.leak / self._tau[saturated])
 
     def advance(self, charge: Array, step: float) -> float:
         """Process a scan, `step` seconds after the one before; return the deviation of what leaked in a long step."""
-        ratio = step / self._tau
+        ratio = step * self.leak / self._tau
         mean = -np.expm1(-ratio) / ratio
         self.change = (charge / mean + self._charge * (ratio - 1.0 / mean)) * self._per_charge
         self._charge = charge.copy()
@@ -146,6 +165,11 @@ class ForceIntegration:
         self._may_remove = may_remove
         self.scans = self.elapsed = self.square = self.compensated = 0.0
         self.sum, self.raw_sum, self.jumped = np.zeros((3, len(self._tau)))
+        # As the sensors' temperature has it, up to their noise.
+        self.warmer = LEAK_STEP * round_half_away((self.thermometers.temperature - self._leak_temperature) / LEAK_STEP)
+        if not math.isnan(self.warmer):
+            limited = min(max(self._leak_per_kelvin * self.warmer, -GREATEST_LEAK), GREATEST_LEAK)
+            self.leak = math.exp(limited)
 
     def watch(self, untouched: NDArray[np.intp], small: Array, share: float) -> None:
         """Set the untouched taxels, their small forces [N], and the film's share of a uniform change."""

@@ -45,6 +45,11 @@ class Thermometers:
         """Whether a sensor reported in the last scan."""
         return bool(self._last)
 
+    @property
+    def temperature(self) -> float:
+        """Mean of all sensors that ever reported [degC]; NaN: none."""
+        return sum(self._offset.values()) / len(self._offset) + self._mean if self._offset else math.nan
+
     def read(self, temperatures: NDArray[np.float32], step: float) -> float:
         """Return the mean change in a new reading [K]; NaN without one.
 

@@ -191,6 +191,8 @@ class MainsHum(HumFilter):
 class Thermometers:
     @property
     def known(self) -> bool: ...
+    @property
+    def temperature(self) -> float: ...
     def read(self, temperatures: NDArray[np.float32], step: float) -> float: ...
 
 class ForceIntegration:
@@ -201,6 +203,8 @@ class ForceIntegration:
     square: float
     compensated: float
     age: float
+    warmer: float
+    leak: float
     reading: float
     sensors: float
     def __init__(
@@ -214,6 +218,8 @@ class ForceIntegration:
         fastest: float = 0.0,
         negligible: float = 0.0,
         causes: int = 1,
+        leak_per_kelvin: float = 0.0,
+        leak_temperature: float = ...,
     ) -> None: ...
     @property
     def signal(self) -> NDArray[np.float64]: ...
@@ -496,6 +502,9 @@ class ForceEstimator:
         gain_deviation: ArrayLike,
         common_gain_deviation: float,
         leak_deviation: ArrayLike,
+        leak_per_kelvin: float = 0.0,
+        leak_per_kelvin_deviation: float = 0.0,
+        leak_temperature: float = ...,
         noise: float,
         threshold: float,
         greatest_force: float,

@@ -26,6 +26,12 @@ const double kUniformDeviation = std::sqrt(12.0);
 /// Below, the mean of a decay rounds to 1.
 constexpr double kTiny = 1e-20;
 
+/// Temperatures by which the leakage is distinguished [K]: finer ones change with the sensors' noise.
+constexpr double kLeakStep = 1.0 / 32.0;
+
+/// Greatest logarithm of what a temperature makes of the leakage [1]: a sensor that is wrong must not stop it.
+constexpr double kGreatestLeak = 1.5;
+
 /// Mean of exp(-x*s) over s in [0, 1].
 double mean_decay(double x) { return std::abs(x) < kTiny ? 1.0 : -std::expm1(-x) / x; }
 
@@ -82,10 +88,11 @@ LeakageCoefficients& LeakageInverse::unused() {
 }
 
 ForceIntegration::ForceIntegration(std::vector<double> time_constant, std::vector<double> newton_per_charge,
-                                   std::vector<double> newton_per_kelvin, const IntegrationLimits& limits,
-                                   std::size_t causes)
+                                   std::vector<double> newton_per_kelvin, const LeakTemperature& leak,
+                                   const IntegrationLimits& limits, std::size_t causes)
     : inverse_(std::move(time_constant), std::move(newton_per_charge)),
       newton_per_kelvin_(std::move(newton_per_kelvin)),
+      leak_(leak),
       limits_(limits),
       causes_(causes) {
   if (causes == 0) {
@@ -150,14 +157,14 @@ void ForceIntegration::clip(const bool* saturated, double step) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (saturated[taxel]) {
       const double signal = inverse_.charge()[taxel] * inverse_.newton_per_charge()[taxel];
-      state_.clipped[taxel] += std::abs(signal) * (step / inverse_.time_constant()[taxel]);
+      state_.clipped[taxel] += std::abs(signal) * (step * block_.leak / inverse_.time_constant()[taxel]);
     }
   }
 }
 
 double ForceIntegration::advance(const double* charge, double step) {
   State& s = state_;
-  const LeakageCoefficients& factors = inverse_.advance(charge, step, s.change.data());
+  const LeakageCoefficients& factors = inverse_.advance(charge, step * block_.leak, s.change.data());
   for (std::size_t taxel = 0; taxel < s.raw.size(); ++taxel) {
     s.raw[taxel] += s.change[taxel];
     s.raw_sum[taxel] += s.raw[taxel];
@@ -186,6 +193,15 @@ void ForceIntegration::start_block(bool may_remove) {
   }
   block_.scans = block_.elapsed = block_.square = block_.compensated = 0.0;
   block_.may_remove = may_remove;
+  set_leak();
+}
+
+/// Let charge leak as it does at the sensors' temperature.
+void ForceIntegration::set_leak() {
+  block_.warmer = kLeakStep * std::round((thermometers_.temperature() - leak_.reference) / kLeakStep);
+  if (!std::isnan(block_.warmer)) {
+    block_.leak = std::exp(std::min(std::max(leak_.coefficient * block_.warmer, -kGreatestLeak), kGreatestLeak));
+  }
 }
 
 void ForceIntegration::watch(const Taxels& untouched, const double* small, double share) {

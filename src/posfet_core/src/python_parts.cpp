@@ -19,6 +19,7 @@
 #include "posfet_core/count_history.hpp"
 #include "posfet_core/crosstalk.hpp"
 #include "posfet_core/force_integration.hpp"
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/scan_clock.hpp"
 #include "posfet_core/skin_response.hpp"
 #include "posfet_core/thermometers.hpp"
@@ -188,14 +189,16 @@ void bind_integration_of_scans(BoundIntegration& bound) {
   bound
       .def(py::init([](const Values& time_constant, const Values& newton_per_charge, const Values& newton_per_kelvin,
                        double long_step, double greatest_loss, double noticeable, double fastest, double negligible,
-                       std::size_t causes) {
+                       std::size_t causes, double leak_per_kelvin, double leak_temperature) {
              return std::make_shared<ForceIntegration>(
                  vector_of(time_constant), vector_of(newton_per_charge), vector_of(newton_per_kelvin),
+                 LeakTemperature{leak_per_kelvin, 0.0, leak_temperature},
                  IntegrationLimits{long_step, greatest_loss, noticeable, fastest, negligible}, causes);
            }),
            py::arg("time_constant"), py::arg("newton_per_charge"), py::arg("newton_per_kelvin"), py::arg("long_step"),
            py::arg("greatest_loss") = HUGE_VAL, py::arg("noticeable") = HUGE_VAL, py::arg("fastest") = 0.0,
-           py::arg("negligible") = 0.0, py::arg("causes") = 1)
+           py::arg("negligible") = 0.0, py::arg("causes") = 1, py::arg("leak_per_kelvin") = 0.0,
+           py::arg("leak_temperature") = kUnknown)
       .def(
           "start",
           [](ForceIntegration& integration, const Values& charge) {
@@ -292,6 +295,8 @@ void bind_integration(const py::module_& module) {
   bind_block<Bound, double, &Block::square>(bound, "square", "Sum of the squares of their steps [s2].");
   bind_block<Bound, double, &Block::compensated>(bound, "compensated", "Uniform change that was removed [N].");
   bind_block<Bound, double, &Block::age>(bound, "age", "Time since the first scan [s].");
+  bind_block<Bound, double, &Block::warmer>(bound, "warmer", "Temperature above that of the calibration [K].");
+  bind_block<Bound, double, &Block::leak>(bound, "leak", "Rate of the leakage, relative to the calibration [1].");
   bind_block<Bound, double, &Block::reading>(bound, "reading", "New reading of the temperature sensors [K].");
   bind_block<Bound, double, &Block::sensors>(bound, "sensors", "Their last reading [K].");
   module.attr("FEWEST_FOR_UNIFORM") = kFewestForUniform;
@@ -302,6 +307,8 @@ void bind_thermometers(const py::module_& module) {
   py::class_<Thermometers>(module, "Thermometers", "Mean change of the chip temperature since the start.")
       .def(py::init<>())
       .def_property_readonly("known", &Thermometers::known, "Whether a sensor reported in the last scan.")
+      .def_property_readonly("temperature", &Thermometers::temperature,
+                             "Mean of all sensors that ever reported [degC].")
       .def(
           "read",
           [](Thermometers& thermometers, const Temperatures& temperatures, double step) {

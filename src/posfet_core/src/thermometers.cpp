@@ -31,6 +31,18 @@ bool Thermometers::known() const {
   return std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& sensor) { return !std::isnan(sensor.last); });
 }
 
+double Thermometers::temperature() const {
+  double sum = 0.0;
+  int known = 0;
+  for (const Sensor& sensor : sensors_) {
+    if (!std::isnan(sensor.offset)) {
+      sum += sensor.offset;
+      ++known;
+    }
+  }
+  return known > 0 ? sum / known + mean_ : kUnknown;
+}
+
 double Thermometers::read(const float* temperatures, std::size_t sensors, double step) {
   pass(step);
   if (is_repeated(temperatures, sensors)) {

@@ -159,6 +159,8 @@ def calibration(story: Story) -> Calibration | None:
         hysteresis_half_widths=np.array([0.02, 0.1, 0.4]),
         hysteresis_weights=np.array([-0.03, -0.04, -0.02]),
         hysteresis_slope=-0.04,
+        leak_per_kelvin=0.046,
+        temperature=23.0,
         residuals=Residuals(1e-3, 2e-3, 1),
     )
 
@@ -330,7 +332,7 @@ def test_both_agree_on_the_largest_array() -> None:
 STORIES = {
     "touches": (Story(5, 5, 1, force=2.0), ("touched", "valid", "processed again", "small forces")),
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
-    "a film that warms": (Story(5, 5, 3, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
+    "a film that warms": (Story(5, 5, 14, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
         Story(5, 5, 9, trouble=0.1, kinds=(WARMING,), sensed=False),
         ("hypothesis open", "hypothesis refused"),

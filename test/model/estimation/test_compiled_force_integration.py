@@ -24,6 +24,7 @@ from support.example_counts import each_of, examples
 TAU = np.array([0.05, 0.3, 40.0])
 PER_CHARGE = np.array([2e4, -1e5, 5e4])
 NONE = np.zeros(3)
+MILLISECOND = 1e-3
 OFFSET = np.array([0.2, -0.1, 0.05])
 """Offsets in the signals [N]."""
 
@@ -218,3 +219,32 @@ REFUSED = {
 def test_wrong_arguments_are_refused(call: Callable[[ForceIntegration], object]) -> None:
     with pytest.raises(ValueError, match="must"):
         call(ForceIntegration(TAU, PER_CHARGE, NONE, 1.0))
+
+
+@pytest.mark.parametrize("module", [ForceIntegration, force_integration.ForceIntegration])
+def test_charge_leaks_as_the_temperature_has_it(module: Callable[..., ForceIntegration]) -> None:
+    # Halved within 15 K: 5 K above the calibration, the time constants are a fifth shorter.
+    per_kelvin, warmer = math.log(2.0) / 15.0, 5.0
+    faster = math.exp(per_kelvin * warmer)
+    forces = module(TAU, PER_CHARGE, NONE, math.inf, leak_per_kelvin=per_kelvin, leak_temperature=25.0)
+    forces.process(NONE, np.array([25.0 + warmer, math.nan], np.float32), MILLISECOND)
+    forces.start(NONE)
+    forces.start_block()
+    assert forces.warmer == warmer
+    assert forces.leak == pytest.approx(faster)
+    steps = [MILLISECOND] * 200
+    held = [1.0] * 200
+    charges = leaky_charge(held, [faster * step for step in steps])  # in time that passes faster
+    np.testing.assert_allclose(recovered(forces, charges, steps), np.ones((200, 3)), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("module", [ForceIntegration, force_integration.ForceIntegration])
+def test_leakage_is_that_of_the_calibration_while_no_temperature_is_known(
+    module: Callable[..., ForceIntegration],
+) -> None:
+    forces = module(TAU, PER_CHARGE, NONE, math.inf, leak_per_kelvin=0.05, leak_temperature=25.0)
+    forces.start_block()
+    assert forces.leak == 1.0
+    forces.process(NONE, np.array([1e4], np.float32), MILLISECOND)  # a sensor that is wrong does not stop the leakage
+    forces.start_block()
+    assert 1.0 < forces.leak < 10.0

@@ -56,6 +56,17 @@ def test_a_sensor_that_stops_gives_no_new_reading() -> None:
     assert read(thermometers, 25.75, NAN) == pytest.approx(0.75)
 
 
+def test_the_temperature_is_the_mean_of_all_sensors_that_ever_reported() -> None:
+    thermometers = Thermometers()
+    assert math.isnan(thermometers.temperature)
+    read(thermometers, 25.0, 31.0)
+    assert thermometers.temperature == pytest.approx(28.0)
+    read(thermometers, 25.5, 31.25)
+    assert thermometers.temperature == pytest.approx(28.375)
+    read(thermometers, 26.0, NAN)  # the other one has warmed as much, for all that is known
+    assert thermometers.temperature == pytest.approx(29.0)
+
+
 def test_a_sensor_that_appears_does_not_shift_the_mean() -> None:
     thermometers = Thermometers()
     read(thermometers, 25.0, NAN)

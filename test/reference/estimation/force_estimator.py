@@ -140,6 +140,10 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
+WARM_UP: Final = 0.02
+"""Rate from which on a film warms up [K/s]."""
+EARLIER_SHARE: Final = 0.3
+"""Rate at which a film that warms may have warmed before the first scan, relative to its rate since then [1]."""
 BRIEF: Final = 2.0
 """By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
 response [1]; assumed."""
@@ -188,6 +192,10 @@ class Block:
     """Share of its warmth that each taxel has lost [1]."""
     rate_noise: float
     """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
+    leak: float
+    """Rate of the leakage, relative to that of the calibration [1]."""
+    leak_noise: float
+    """Variance that the relative error of the leak rates gains [1]."""
     warming: float
     """Rate of the chip temperature that the touch is expected to cause [K/s]."""
     before: Belief
@@ -225,6 +233,8 @@ class ForceEstimator:
     """Whether forces are not valid until a release or a forced tare shows what no force is; may change."""
     _zero_known: bool = False
     _adopted: bool = False
+    _settled: bool = False
+    _farthest: float = 0.0
     _apart: float = math.nan
 
     def __init__(
@@ -239,7 +249,6 @@ class ForceEstimator:
         self._priors = p = (priors or ErrorPriors()).with_calibration(calibration)
         gain, noise = calibration.usable_gain, force_noise_rms(sensor)
         self._tau = calibration.leak_time_constant.copy()
-        self._per_second = 1.0 / self._tau
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._threshold = sensor.contact.threshold
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
@@ -262,8 +271,11 @@ class ForceEstimator:
             fastest=UniformChange.FASTEST,
             negligible=self._negligible,
             causes=COUNT + 4,
+            leak_per_kelvin=calibration.leak_per_kelvin,
+            leak_temperature=math.nan if calibration.temperature is None else calibration.temperature,
         )
         """What happens in every scan, and the state that it changes."""
+        self._leak_per_kelvin_deviation = calibration.leak_per_kelvin_deviation
         lag = calibration.thermal_time_constant
         self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
         self._dynamics = SharedDynamics(p, self._film_lag)
@@ -499,6 +511,7 @@ class ForceEstimator:
 
     def _start_over(self) -> None:
         """Forget all that the filter believes: what it says is impossible."""
+        self._farthest = 0.0
         self.restarts += int(np.count_nonzero(~self.ignored))
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
@@ -592,7 +605,7 @@ class ForceEstimator:
         if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
             return
         before, after = self._blocks[0], self._blocks[1]
-        change = after.mean - before.mean - after.span * self._offset() * self._per_second
+        change = after.mean - before.mean - after.span * self._offset() * self._per_second()
         # What all have in common is the film's temperature.
         kelvin = upper_median((change / self._per_kelvin)[usable])
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
@@ -618,7 +631,7 @@ class ForceEstimator:
         step[usable] = signal_steps(time, force, after.noise[usable], self._tau[usable])
         change = self._nothing
         if at_rest and np.count_nonzero(usable) >= UniformChange.FEWEST and self._uniform.observable:
-            drift = self._offset() * self._per_second
+            drift = self._offset() * self._per_second()
             change = later.mean - before.mean - (after.span + later.span) * drift
             change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
         self._jumps.observe(usable, step, change, after.noise, after.span)
@@ -662,7 +675,8 @@ class ForceEstimator:
         mean = self._sum / self._scans
         self._mean = mean
         leaked = self._raw - self._integration.signal
-        charge = (leaked - self._leaked) * (self._tau / self._elapsed)  # what leaks in a block is its mean charge
+        # What leaks in a block is its mean charge.
+        charge = (leaked - self._leaked) / (self._per_second() * self._elapsed)
         self._leaked = leaked
         self._unread += self._elapsed
         repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
@@ -686,7 +700,7 @@ class ForceEstimator:
         own_noise = np.zeros((len(mean), OWN, OWN))
         own_noise[:, :2, :2] = p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
-        grown += self._noise_variance * (self._square * self._per_second**2)
+        grown += self._noise_variance * (self._square * self._per_second() ** 2)
         grown += self._jumped
         grown += self._step_noise(touched, span)
         left = np.divide(warmth, self._warmth, out=np.zeros_like(warmth), where=self._warmth > 0.0)
@@ -722,6 +736,8 @@ class ForceEstimator:
             own_noise,
             cooled,
             (p.touch_rate**2) * abs(total - before) * max(total, before),
+            self._integration.leak,
+            self._leak_noise(),
             self._touch.warming,
             self.belief.copy(),
         )
@@ -729,6 +745,12 @@ class ForceEstimator:
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
         return block
+
+    def _leak_noise(self) -> float:
+        """Return the variance that the leak rates gain as far from the calibration's temperature as never before."""
+        warmer, before = abs(self._integration.warmer), self._farthest
+        self._farthest = before if math.isnan(warmer) else max(before, warmer)
+        return float(self._leak_per_kelvin_deviation**2 * (self._farthest**2 - before**2))
 
     def _advance_touch(self, listed: Mask, tail: Array) -> None:
         """Advance the responses to the touch."""
@@ -742,7 +764,8 @@ class ForceEstimator:
             tail = np.where(around, tail, 0.0)
             least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
             most = np.maximum(force, 2.0 * self._tail_spread() * tail)
-        self._touch.advance(force, least, most, self._elapsed, float(shared[Shared.LEAK]))
+        slower = (1.0 + float(shared[Shared.LEAK])) / self._integration.leak - 1.0
+        self._touch.advance(force, least, most, self._elapsed, slower)
 
     def _tail_spread(self) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
@@ -758,7 +781,13 @@ class ForceEstimator:
 
     def _integrated(self, time: float | Array) -> tuple[Array, Array]:
         """Return what the offsets and the common drift add to the force errors in a time [s], as for `integrate`."""
-        return time * self._per_second, np.multiply(self._drift_response.T, time).T
+        drifting = np.multiply(self._drift_response.T, time * self._integration.leak).T
+        return time * self._per_second(), drifting
+
+    def _per_second(self) -> Array:
+        """Return the leak rates at the present temperature [1/s]."""
+        rate: Array = self._integration.leak / self._tau
+        return rate
 
     def _was_misled(self) -> bool:
         """Return whether the rate of the temperature has changed since the oldest stored block unexpectedly.
@@ -826,6 +855,10 @@ class ForceEstimator:
 
     def _observe_earlier_warming(self, block: Block) -> None:
         """Compare the sensors with zeros that show no change of the film's temperature."""
+        if not self._settled and self.offset_known.all():
+            self._settled = True
+            if self._warms() and abs(float(self.belief.shared[Shared.RATE])) > WARM_UP:
+                self._admit_earlier_warming()
         if self._adopted or math.isnan(self._apart):
             return
         usable = int(np.count_nonzero(~self.ignored))
@@ -841,19 +874,31 @@ class ForceEstimator:
             self._adopt_earlier_warming(block, *found)
             self._adopted = True
 
+    def _warmed_earlier(self) -> Array:
+        """Return how the shared states change if the film had warmed by 1 K/s when the first scan came."""
+        warmer, sensor_lag = np.zeros(COUNT), self._dynamics.sensor_lag(self.belief.shared)
+        warmer[[Shared.RATE, Shared.DRIFT]] = 1.0, -self._mean_per_kelvin / self._integration.leak
+        # The sensors lag behind the chip.
+        warmer[[Shared.CHIP, Shared.FILM]] = sensor_lag, sensor_lag - self._film_lag
+        return warmer
+
+    def _admit_earlier_warming(self) -> None:
+        """Admit that a film which warms since the first scan has warmed before it, too: the sensors will tell."""
+        rate = float(self.belief.shared[Shared.RATE])
+        self._filter.admit(self._warmed_earlier(), (EARLIER_SHARE * rate) ** 2)
+        self.belief.slope[:, 1, Shared.DRIFT] = (self._per_kelvin / self._mean_per_kelvin - 1.0) / self._per_second()
+        self._blocks.clear()
+
     def _adopt_earlier_warming(self, block: Block, rate: float, deviation: float) -> None:
         """Take what all signals have in common in the offsets for the charge of a film that warms; no force changes."""
         belief, mean = self.belief, self._mean_per_kelvin
-        warmer, sensor_lag = np.zeros(COUNT), self._dynamics.sensor_lag(belief.shared)
-        warmer[[Shared.RATE, Shared.DRIFT]] = 1.0, -mean
-        # The sensors lag behind the chip.
-        warmer[[Shared.CHIP, Shared.FILM]] = sensor_lag, sensor_lag - self._film_lag
+        warmer = self._warmed_earlier()
         self._filter.restart_temperature(block.reading, belief.shared, start_covariance(self._priors))
         self._filter.admit(warmer, deviation**2)
         shared = belief.shared + rate * warmer
         self._filter.belief = belief = Belief(shared, belief.covariance, belief.error, belief.slope, belief.own)
-        belief.error[:, 1] += self._tau * (mean - self._per_kelvin) * rate
-        belief.slope[:, 1, Shared.DRIFT] = self._tau * (self._per_kelvin / mean - 1.0)
+        belief.error[:, 1] += (mean - self._per_kelvin) * rate / self._per_second()
+        belief.slope[:, 1, Shared.DRIFT] = (self._per_kelvin / mean - 1.0) / self._per_second()
         everywhere = np.ones_like(self.ignored)
         belief.know_force(everywhere, block.mean, block.response, block.noise)
         self._blocks.clear()
@@ -871,11 +916,14 @@ class ForceEstimator:
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
+        noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
         after[thermal] += matrix[thermal, Shared.RATE] * block.warming
         belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
         belief.cool(block.cooled)
-        errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
+        leaked = block.leak / self._tau
+        drifting = block.leak * self._drift_response
+        errors.predict(after, matrix, noise, block.span * leaked, block.span * drifting, own_noise)
         return beside
 
     def _measure_zeros(self, block: Block, beside: Mask) -> None:
@@ -1042,7 +1090,7 @@ class ForceEstimator:
     def _finish(self, block: Block) -> None:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
-        leaking = self._offset() * self._per_second
+        leaking = self._offset() * self._per_second()
         self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
         known = self._filter.predicted(block.response) + self._touch.loops
         self._correction[:] = known + 0.5 * block.duration * self._rate
@@ -1100,7 +1148,7 @@ class ForceEstimator:
         """
         error, offset = self.belief.error[:, 0], self.belief.error[:, 1]
         self._untouched_time = np.where(self._listed | ~self.offset_known, 0.0, self._untouched_time)
-        self._usual += block.duration * (self._offset() + self._usual_offset - offset) * self._per_second
+        self._usual += block.duration * (self._offset() + self._usual_offset - offset) * self._per_second()
         self._usual += self._per_kelvin * (self._film_rate() * block.duration) * self.belief.error[:, 3]
         self._untouched_time += block.duration * ~self._beside
         # Twice as fast as their age: what was estimated early, and so less well, is soon forgotten.
@@ -1254,7 +1302,8 @@ class ForceEstimator:
         belief.own[where, 3, 3] = self._priors.pyroelectric**2
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
-        charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)
+        present = 1.0 / self._per_second()
+        charge = present * self._per_kelvin * -np.expm1(-self._age / present)
         drift, rate = belief.shared[[Shared.DRIFT, Shared.RATE]]
         belief.error[new, 1] = (self._integration.signal - self._tau * drift - charge * rate)[new]
         belief.slope[new, 1, Shared.RATE] = -charge[new]
@@ -1263,7 +1312,7 @@ class ForceEstimator:
         self._left_deviation[known] = self._left
         belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
         belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
-        self._rate[where] = (self._offset() / self._tau)[where]
+        self._rate[where] = (self._offset() * self._per_second())[where]
         self.offset_known[where] = False
         self._correction[where] = self._raw[where]
         self.force[where] = self._integration.held[where] = 0.0

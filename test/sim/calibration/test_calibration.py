@@ -23,6 +23,7 @@ from posfet_model.calibration.least_squares_fit import Recording, fit
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
     CALIBRATED_LEAK_DEVIATION,
+    NOMINAL_LEAK_PER_KELVIN_DEVIATION,
     Calibration,
 )
 from posfet_model.config import ConfigError
@@ -210,7 +211,7 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     document = yaml.safe_load(path.read_text())
     for key in (
         "relaxation_poles", "relaxation", "warmth", "temperature_sensor_lag_s", "common_gain_deviation_percent",
-        "common_leak_deviation_percent",
+        "common_leak_deviation_percent", "leak_temperature",
     ):  # fmt: skip
         del document[key]
     del document["taxels"]["gain_deviation_percent"], document["taxels"]["leak_deviation_percent"]
@@ -219,6 +220,8 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     assert read.relaxation_sizes.size == 0
     assert (read.gain_deviation == CALIBRATED_GAIN_DEVIATION).all()
     assert (read.leak_deviation == CALIBRATED_LEAK_DEVIATION).all()
+    assert read.leak_per_kelvin == 0.0
+    assert read.leak_per_kelvin_deviation == NOMINAL_LEAK_PER_KELVIN_DEVIATION
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -85,6 +85,13 @@ struct IntegrationLimits {
   double negligible;     ///< Uniform change of the film's temperature with which forces are still valid [K].
 };
 
+/// How charge leaks at other temperatures than that of the calibration: faster by a factor exp(a (T - T0)).
+struct LeakTemperature {
+  double coefficient;  ///< a [1/K].
+  double deviation;    ///< Its standard deviation [1/K].
+  double reference;    ///< T0 [degC]; NaN: unknown.
+};
+
 /// Forces of all taxels [N], and their sums over a block of scans.
 class ForceIntegration {
 public:
@@ -118,6 +125,8 @@ public:
     double square = 0.0;       ///< Sum of the squares of the steps [s2].
     double compensated = 0.0;  ///< Uniform change that was removed [N].
     double age = 0.0;          ///< Time since the first scan [s].
+    double warmer = std::numeric_limits<double>::quiet_NaN();  ///< Temperature above that of the calibration [K].
+    double leak = 1.0;  ///< Rate of the leakage, relative to that of the calibration [1].
     double reading = std::numeric_limits<double>::quiet_NaN();  ///< New reading of the temperature sensors [K].
     double sensors = std::numeric_limits<double>::quiet_NaN();  ///< The last reading [K].
   };
@@ -125,7 +134,8 @@ public:
   /// Time constants [s], force per charge density [N m2/C] and per temperature of the film [N/K] of each taxel; number
   /// of causes of errors that the forces have in common, at least one.
   ForceIntegration(std::vector<double> time_constant, std::vector<double> newton_per_charge,
-                   std::vector<double> newton_per_kelvin, const IntegrationLimits& limits, std::size_t causes);
+                   std::vector<double> newton_per_kelvin, const LeakTemperature& leak, const IntegrationLimits& limits,
+                   std::size_t causes);
 
   std::size_t taxels() const { return inverse_.taxels(); }
   std::size_t causes() const { return causes_; }
@@ -153,7 +163,8 @@ public:
   /// deviation of what leaked in the step, summed over the taxels [N]; 0 in steps that are not long.
   double advance(const double* charge, double step);
 
-  /// Start a new block: clear its sums. `may_remove`: as in `Block`.
+  /// Start a new block: clear its sums, and let charge leak as the sensors' temperature has it. `may_remove`: as in
+  /// `Block`.
   void start_block(bool may_remove);
 
   /// Set the untouched taxels that show the film's temperature during a touch, their small forces [N], and the share
@@ -174,11 +185,13 @@ public:
   double mean_newton_per_kelvin() const { return mean_newton_per_kelvin_; }
 
 private:
+  void set_leak();
   void shift(double factor);
 
   LeakageInverse inverse_;
   std::vector<double> newton_per_kelvin_;
   double mean_newton_per_kelvin_;
+  LeakTemperature leak_;
   IntegrationLimits limits_;
   std::size_t causes_;
   State state_;

@@ -29,6 +29,9 @@ public:
   /// Whether a sensor reported in the last scan.
   bool known() const;
 
+  /// Mean of all sensors that ever reported [degC]; NaN: none.
+  double temperature() const;
+
   /// Mean change in a new reading [K]; NaN without one. `temperatures` are the readings of the sensors [degC], NaN: it
   /// does not report; `step` the time since the previous scan [s], inf: unknown.
   double read(const float* temperatures, std::size_t sensors, double step);

@@ -76,7 +76,7 @@ std::shared_ptr<ForceIntegration> make_integration(const EstimatedArray& array) 
   const IntegrationLimits limits{kLongStep * fastest, kLeastDeviation * array.threshold, kNoticeable * array.threshold,
                                  UniformChange::kFastest, negligible_change(array)};
   return std::make_shared<ForceIntegration>(array.time_constant, array.newton_per_charge, array.newton_per_kelvin,
-                                            limits, kCauses);
+                                            array.leak_temperature, limits, kCauses);
 }
 
 std::shared_ptr<Belief> make_belief(std::size_t taxels, const ErrorPriors& priors) {
@@ -341,6 +341,7 @@ void ForceEstimator::start(const double* charge) {
 /// Forget all that the filter believes: what it says is impossible.
 void ForceEstimator::start_over() {
   restarts_ += usable();
+  farthest_ = 0.0;
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
   for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
@@ -355,8 +356,8 @@ void ForceEstimator::start_over() {
 /// Add to the force errors what offsets and common drift cause in a time [s], which may be negative.
 void ForceEstimator::integrate(double time) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_share_[taxel] = time * (1.0 / array_.time_constant[taxel]);
-    driven_[taxel * kSharedStates + kDrift] = time;
+    leaked_share_[taxel] = time * leak() / array_.time_constant[taxel];
+    driven_[taxel * kSharedStates + kDrift] = time * leak();
   }
   belief()->integrate(leaked_share_.data(), driven_.data());
 }
@@ -390,19 +391,21 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     } else {
       // The offset has the noise of the signal that it is set to; so has the force. A film that warms generates charge,
       // which is no offset: that of the present rate, as far as it has lasted.
-      const double charge = tau * array_.newton_per_kelvin[taxel] * -std::expm1(-integration_->block().age / tau);
+      const double present = tau / leak();
+      const double charge =
+          present * array_.newton_per_kelvin[taxel] * -std::expm1(-integration_->block().age / present);
       error[kOffset] = signal(taxel) - tau * b.shared[kDrift] - charge * b.shared[kRate];
       b.slope_of(taxel, kOffset)[kRate] = -charge;
       own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = noise;
       own[own_at(kOffset, kOffset)] = noise + square(left_deviation_[taxel]);
     }
-    leaked_share_[taxel] = -0.5 * last_duration_ * (1.0 / tau);
-    driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_;
+    leaked_share_[taxel] = -0.5 * last_duration_ * leak() / tau;
+    driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (where[taxel]) {
-      s.rate[taxel] = offset(taxel) / array_.time_constant[taxel];
+      s.rate[taxel] = offset(taxel) * leak() / array_.time_constant[taxel];
       s.offset_known[taxel] = false;
       s.correction[taxel] = s.raw[taxel];
       s.held[taxel] = s.force[taxel] = 0.0;

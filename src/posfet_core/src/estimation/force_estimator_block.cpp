@@ -52,13 +52,14 @@ void ForceEstimator::measure(Block& block) {
   const ForceIntegration::Block& scans = integration_->block();
   block_mean(mean_.data());
   block.duration = scans.elapsed;
+  block.leak = scans.leak;
   block.span = 0.5 * (last_duration_ + scans.elapsed);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.mean[taxel] = state().raw_sum[taxel] / scans.scans;
     block.noise[taxel] = noise_variance_[taxel] / scans.scans;
     // What leaks in a block is its mean charge.
     const double leaked = state().raw[taxel] - signal(taxel);
-    block.charge[taxel] = (leaked - leaked_[taxel]) * (array_.time_constant[taxel] / scans.elapsed);
+    block.charge[taxel] = (leaked - leaked_[taxel]) * (array_.time_constant[taxel] / (scans.elapsed * scans.leak));
     leaked_[taxel] = leaked;
     // Noise is no motion: without this play its path would count, which is long after a minute.
     const double play = kPlay * std::sqrt(block.noise[taxel]);
@@ -122,7 +123,8 @@ void ForceEstimator::measure_touch(Block& block) {
     least[taxel] = std::max(force[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
     most[taxel] = std::max(force[taxel], spread * tail);
   }
-  touch_.advance(force, least, most, block.duration, belief()->shared[kLeak]);
+  const double slower = (1.0 + belief()->shared[kLeak]) / block.leak - 1.0;
+  touch_.advance(force, least, most, block.duration, slower);
   touch_.matrix(block.response);
   block.warming = touch_.warming();
 }
@@ -143,7 +145,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
     const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
     const double tail = block.tail[taxel];
-    const double leaked = scans_square * square(1.0 / array_.time_constant[taxel]);
+    const double leaked = scans_square * square(block.leak / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
     double& grown = own[own_at(kForceError, kForceError)];
     const double stepped = jumps_.variance(taxel, block.span);
@@ -173,6 +175,10 @@ void ForceEstimator::measure_process_noise(Block& block) {
     warmth_[taxel] = warmth;
   }
   block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
+  // As far from the temperature of the calibration as never before.
+  const double warmer = std::max(farthest_, std::abs(integration_->block().warmer));
+  block.leak_noise = square(array_.leak_temperature.deviation) * (square(warmer) - square(farthest_));
+  farthest_ = warmer;
   block.rate_noise = square(priors_.touch_rate) * changed_square(total, before);
 }
 
@@ -245,7 +251,7 @@ void ForceEstimator::observe_steps(bool at_rest) {
 double ForceEstimator::add_change(const Block& from, const Block& to, std::vector<double>& change) const {
   Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double drift = offset(taxel) / array_.time_constant[taxel];
+    const double drift = offset(taxel) * to.leak / array_.time_constant[taxel];
     change[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
     if (!ignored()[taxel]) {
       kelvins.push_back(change[taxel] / array_.newton_per_kelvin[taxel]);

@@ -30,6 +30,13 @@ constexpr double kLargestLagStep = 0.5;
 /// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
 constexpr double kCorrelated = 50.0;
 
+/// Rate from which on a film warms up, as after its supply was switched on [K/s], assumed: not always as fast.
+constexpr double kWarmUp = 0.02;
+
+/// Rate at which a film that warms up may have warmed before the first scan, relative to its rate since then [1],
+/// assumed.
+constexpr double kEarlierShare = 0.3;
+
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
@@ -127,6 +134,12 @@ double ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block
 
 /// Compare the sensors with zeros that show no change of the film's temperature.
 void ForceEstimator::observe_earlier_warming(const Block& block) {
+  if (!settled_ && offset_known().all()) {
+    settled_ = true;
+    if (warms() && std::abs(belief()->shared[kRate]) > kWarmUp) {
+      admit_earlier_warming();
+    }
+  }
   if (adopted_ || std::isnan(apart_)) {
     return;
   }
@@ -149,14 +162,32 @@ void ForceEstimator::observe_earlier_warming(const Block& block) {
   }
 }
 
+/// How the shared states change if the film had warmed by 1 K/s when the first scan came: that charge counts as one of
+/// the offsets, and no force changes.
+std::array<double, kSharedStates> ForceEstimator::warmed_earlier() const {
+  std::array<double, kSharedStates> warmer{};
+  warmer[kRate] = 1.0;
+  warmer[kDrift] = -mean_per_kelvin_ / leak();
+  warmer[kChip] = SharedDynamics::sensor_lag(belief()->shared);
+  warmer[kFilm] = warmer[kChip] - array_.film_lag;
+  return warmer;
+}
+
+/// Admit that a film which warms since the first scan has warmed before it, too: the sensors will tell.
+void ForceEstimator::admit_earlier_warming() {
+  Belief& b = *belief();
+  filter_.admit(warmed_earlier().data(), square(kEarlierShare * b.shared[kRate]));
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double tau = array_.time_constant[taxel] / leak();
+    b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
+  }
+  blocks_.clear();
+}
+
 /// Take what all signals have in common in the offsets for the charge of a film that warms [K/s]. No force changes.
 void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& found) {
   Belief& b = *belief();
-  std::array<double, kSharedStates> warmer{};
-  warmer[kRate] = 1.0;
-  warmer[kDrift] = -mean_per_kelvin_;
-  warmer[kChip] = SharedDynamics::sensor_lag(b.shared);
-  warmer[kFilm] = warmer[kChip] - array_.film_lag;
+  const std::array<double, kSharedStates> warmer = warmed_earlier();
   std::array<double, kSharedStates> same{};  // lag and scale
   std::copy(b.shared.begin(), b.shared.end(), same.begin());
   filter_.restart_temperature(block.reading, same.data(), priors_.covariance().data());
@@ -165,7 +196,7 @@ void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& 
     b.shared[state] += warmer[state] * found.rate;
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double tau = array_.time_constant[taxel];
+    const double tau = array_.time_constant[taxel] / leak();
     b.error_of(taxel)[kOffset] += tau * (mean_per_kelvin_ - array_.newton_per_kelvin[taxel]) * found.rate;
     b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
     b.know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
@@ -192,14 +223,15 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
   shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
+  shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {
     shared.after[state] += shared.matrix[state * kSharedStates + kRate] * block.warming;
   }
   const double warming = shared.after[kFilm] - b.shared[kFilm];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     values_[taxel] = array_.newton_per_kelvin[taxel] * warming;
-    leaked_share_[taxel] = block.span * (1.0 / array_.time_constant[taxel]);
-    driven_[taxel * kSharedStates + kDrift] = block.span;
+    leaked_share_[taxel] = block.span * block.leak / array_.time_constant[taxel];
+    driven_[taxel * kSharedStates + kDrift] = block.span * block.leak;
   }
   b.respond(values_.data());
   b.cool(block.cooled.data());

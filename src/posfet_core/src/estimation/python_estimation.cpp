@@ -25,6 +25,7 @@
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -397,17 +398,29 @@ void bind_estimator(const py::module_& module) {
   BoundEstimator bound(module, "ForceEstimator", "Force of every taxel with its covariance, block by block.");
   bound.def(py::init([](const Layout& layout, const Values& time_constant, const Values& newton_per_charge,
                         const Values& newton_per_kelvin, const Values& gain_deviation, double common_gain_deviation,
-                        const Values& leak_deviation, double noise, double threshold, double greatest_force,
+                        const Values& leak_deviation, double leak_per_kelvin, double leak_per_kelvin_deviation,
+                        double leak_temperature, double noise, double threshold, double greatest_force,
                         double left_charge, double film_lag, const py::object& priors, double block_duration) {
               return std::make_shared<ForceEstimator>(
-                  EstimatedArray{layout, vector_of(time_constant), vector_of(newton_per_charge),
-                                 vector_of(newton_per_kelvin), vector_of(gain_deviation), common_gain_deviation,
-                                 vector_of(leak_deviation), noise, threshold, greatest_force, left_charge, film_lag},
+                  EstimatedArray{layout,
+                                 vector_of(time_constant),
+                                 vector_of(newton_per_charge),
+                                 vector_of(newton_per_kelvin),
+                                 vector_of(gain_deviation),
+                                 common_gain_deviation,
+                                 vector_of(leak_deviation),
+                                 {leak_per_kelvin, leak_per_kelvin_deviation, leak_temperature},
+                                 noise,
+                                 threshold,
+                                 greatest_force,
+                                 left_charge,
+                                 film_lag},
                   priors_from(priors), positive(block_duration, "block_duration"));
             }),
             py::kw_only(), py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_charge"),
             py::arg("newton_per_kelvin"), py::arg("gain_deviation"), py::arg("common_gain_deviation"),
-            py::arg("leak_deviation"), py::arg("noise"), py::arg("threshold"), py::arg("greatest_force"),
+            py::arg("leak_deviation"), py::arg("leak_per_kelvin") = 0.0, py::arg("leak_per_kelvin_deviation") = 0.0,
+            py::arg("leak_temperature") = kUnknown, py::arg("noise"), py::arg("threshold"), py::arg("greatest_force"),
             py::arg("left_charge"), py::arg("film_lag"), py::arg("priors"), py::arg("block_duration") = kBlock);
   bind_estimator_methods(bound);
   bound.def_property_readonly("integration", &ForceEstimator::shared_integration, "What happens in every scan.")

@@ -118,6 +118,10 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "weights_percent": _rounded(calibration.hysteresis_weights * 100),
             "slope_percent": _number(calibration.hysteresis_slope * 100),
         }
+    document["leak_temperature"] = {
+        "percent_per_K": _number(calibration.leak_per_kelvin * 100),
+        "deviation_percent_per_K": _number(calibration.leak_per_kelvin_deviation * 100),
+    }
     if calibration.temperature is not None:
         document["temperature_C"] = _number(calibration.temperature)
     if calibration.thermal_time_constant is not None:
@@ -249,6 +253,14 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4),
             warmth_weak_share=warmth.number("weak_share_percent", 0.0, 100.0) / 100,
         )
+    if "leak_temperature" in top:
+        leak = top.section("leak_temperature")
+        calibration = replace(
+            calibration,
+            leak_per_kelvin=leak.number("percent_per_K", -100.0, 100.0) / 100,
+            leak_per_kelvin_deviation=leak.number("deviation_percent_per_K", 0.0, 100.0) / 100,
+        )
+        leak.end()
     if "bending" in top:
         bending = top.section("bending")
         calibration = replace(

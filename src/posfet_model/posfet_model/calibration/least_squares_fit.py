@@ -261,6 +261,8 @@ class _Data:
         """Offset of each taxel [N], of the last fit."""
         self.segments: list[Segment] = []
         """Segments of the last fit."""
+        self.time_constant = tau
+        """Median time constant of the leakage [s], of the last fit."""
         self.bending = np.zeros(4)
         """Bending of the chip [1], of the last fit."""
         self._bending_sources = BendingSources(sensor.layout, self.time, self.force, self.film_lag)
@@ -351,6 +353,7 @@ class _Data:
 
         Bending, weak forces, and what an earlier touch still brings in by the slow poles, are subtracted.
         """
+        self.time_constant = float(np.median([1.0 / each.rate for each in fitted.taxels.values()]))
         usable = ~self.near_force & ~dead
         enough = usable.sum(axis=1) >= MIN_UNTOUCHED
         step = np.diff(self.time)
@@ -390,6 +393,11 @@ class _Data:
         return bending
 
     @property
+    def pressed_temperature(self) -> float:
+        """Mean temperature of the chip's sensors while a force is applied [degC]."""
+        return float(self.temperature[self.near_force.any(axis=1)].mean())
+
+    @property
     def block_temperature(self) -> Array:
         """Temperature of the chip's sensors relative to the start [K], shape [blocks]."""
         return block_means(self.temperature - self.temperature[0], self.size)
@@ -420,10 +428,29 @@ class _Data:
             used[:] = True
         if np.ptp(self.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
             return None
-        thermal = fit_temperature(time[used], self.block_temperature[used], common[used], self.film_lag)
+        thermal = fit_temperature(
+            time[used],
+            self.block_temperature[used],
+            common[used],
+            self._changing(used)[used],
+            self.film_lag,
+            self.pressed_temperature - float(self.temperature[0]),
+            self.time_constant,
+        )
         self.common = self.common - thermal.drift * self.time
         self.newton_per_kelvin = thermal.newton_per_kelvin
         return thermal
+
+    def _changing(self, used: Mask) -> Mask:
+        """Return the rest in which the temperature changes most; all that is used if it never changes enough."""
+        rest = used & (block_means(self.near_force.astype(np.float64), self.size) == 0.0).all(axis=1)
+        ranges = {run: float(np.ptp(self.block_temperature[slice(*run)])) for run in _runs(rest)}
+        begin, end = max(ranges, key=ranges.__getitem__, default=(0, 0))
+        if ranges.get((begin, end), 0.0) < MIN_TEMPERATURE_RANGE:
+            return used
+        number = np.arange(len(used))
+        changing: Mask = (number >= begin) & (number < end)
+        return changing
 
     def film_shares(self, fitted: ResponseFit, dead: Mask) -> _Shares:
         """Return how strongly each taxel shows the common-mode signal while it is untouched, and its offset."""
@@ -554,7 +581,11 @@ def _calibration(
         if abs(warmth) > warmth_deviation:  # a share of nothing is anything
             weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0))
     film_lag, sensor_lag = data.film_lag, 0.0
+    leak: dict[str, float] = {}
     if thermal is not None:
+        leak["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
+        if abs(thermal.leak_per_kelvin) > thermal.leak_per_kelvin_deviation:
+            leak["leak_per_kelvin"] = thermal.leak_per_kelvin
         film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else data.film_lag
         sensor_lag = film_lag - thermal.lag
     return Calibration(
@@ -585,7 +616,8 @@ def _calibration(
         chip_warming_time_constants=np.array(SLOW),
         chip_warming=bending.warming,
         temperature_sensor_lag=sensor_lag,
-        temperature=float(data.temperature.mean()),
+        temperature=data.pressed_temperature,
+        **leak,
     )
 
 

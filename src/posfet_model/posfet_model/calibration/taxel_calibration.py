@@ -43,6 +43,10 @@ CALIBRATED_COMMON_LEAK_DEVIATION: Final = 0.07
 """The same of what the leakage time constants have in common: ageing and temperature since the calibration [1],
 assumed."""
 
+NOMINAL_LEAK_PER_KELVIN_DEVIATION: Final = 0.03
+"""Standard deviation of the increase of leak rates per temperature that was not measured [1/K], assumed: they double
+within 15 K on some boards, and hardly change on others."""
+
 NOMINAL_WARMTH_DEVIATION: Final = 0.03
 """Standard deviation of the temperature rise of a touched taxel that was not measured [K], assumed: a thick chip."""
 
@@ -102,6 +106,10 @@ class Calibration:
     film with hysteresis, that of the gains of other forces than typical ones."""
     common_leak_deviation: float = CALIBRATED_COMMON_LEAK_DEVIATION
     """Relative standard deviation of the leakage time constants that all taxels have in common [1]."""
+    leak_per_kelvin: float = 0.0
+    """Increase of the leak rates per temperature above `temperature`, of their logarithm [1/K]."""
+    leak_per_kelvin_deviation: float = NOMINAL_LEAK_PER_KELVIN_DEVIATION
+    """Standard deviation of `leak_per_kelvin` [1/K]."""
     thermal_time_constant: float | None = None
     """Lag of the film's temperature behind the chip's [s]; None: as in the sensor file."""
     date: str = ""
@@ -144,7 +152,7 @@ class Calibration:
     """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
     `thermal_time_constant` minus this, which may be below 0."""
     temperature: float | None = None
-    """Mean chip temperature during the calibration [degC]; None: unknown."""
+    """Mean chip temperature of the calibration while a force was applied [degC]; None: unknown."""
 
     @classmethod
     def nominal(cls, sensor: Sensor) -> Calibration:

@@ -10,21 +10,31 @@
 The film is its own thermometer: its charge is known to far less than a millikelvin, while a sensor reading has about 4
 mK of noise. So the slower of the two is never differentiated: where the film is slower, the reading is delayed and
 compared with the film; where the sensors are slower, the film's signal is delayed and compared with the reading.
+
+Leakage depends on the temperature. The common-mode signal F was compensated with the time constants tau of the
+presses, at the temperature T0. Where the leak rates are higher by a share of a*(T - T0), that left out as much of what
+leaked: F falls behind the film's charge by a times the integral of (T - T0)*q/tau, where the charge q at the gate is
+the high-pass of F. That integral is quadratic in the temperature, which tells it from the pyroelectric charge.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from posfet_model._lib.minima import golden_section
-from posfet_model._lib.types import Array
-from posfet_model.calibration.leaky_response import low_pass
+from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.leaky_response import high_pass, low_pass
 
 LAGS: Final = (*(-np.geomspace(6.0, 0.02, 29)).tolist(), 0.0, *np.geomspace(0.02, 2.0, 25).tolist())
 """Lags of the film behind the sensors that are tried [s]; below 0: the sensors lag behind the film."""
+
+
+ROUNDS: Final = 3
+"""Rounds in which the film's temperature and what leaks by it are found in turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +47,10 @@ class TemperatureFit:
     """Common-mode signal per temperature [N/K]."""
     drift: float
     """Slope of the common-mode signal that is no temperature: an error of the offsets [N/s]."""
+    leak_per_kelvin: float
+    """Increase of the leak rates per temperature, relative to those of the presses [1/K], and"""
+    leak_per_kelvin_deviation: float
+    """its standard deviation [1/K]."""
     residuals: Array
     """Reading minus that predicted from the film or the other way round [K], shape [blocks]."""
 
@@ -46,7 +60,20 @@ class TemperatureFit:
         return not LAGS[0] < self.lag < LAGS[-1]
 
 
-def fit_temperature(time: Array, temperature: Array, common: Array, film_lag: float) -> TemperatureFit:
+LEAK_DOUBT: Final = 5e-3
+"""Standard deviation of what leak rates increase by per temperature, besides that of the fit [1/K], assumed: a
+pyroelectric coefficient that changes with temperature looks the same, and so does 1/f noise over these seconds."""
+
+
+def fit_temperature(
+    time: Array,
+    temperature: Array,
+    common: Array,
+    changing: Mask,
+    film_lag: float,
+    pressed: float,
+    time_constant: float,
+) -> TemperatureFit:
     """Fit the lag.
 
     Parameters
@@ -57,37 +84,68 @@ def fit_temperature(time: Array, temperature: Array, common: Array, film_lag: fl
         Reading of the chip's sensors, relative to its start [K], shape [blocks].
     common : ndarray
         Common-mode signal of the untouched taxels with the leakage compensated [N], shape [blocks].
+    changing : ndarray of bool
+        The blocks in which the temperature changes, one after another, and nothing touches: these tell the leakage, as
+        what a press leaves in the common-mode signal looks like it, shape [blocks].
     film_lag : float
         Lag of the film behind the chip [s], if the sensors lag even more.
+    pressed : float
+        Temperature of the presses, relative to the start [K].
+    time_constant : float
+        Time constant tau of the leakage then [s].
 
     Returns
     -------
     TemperatureFit
         The lag with the smallest residuals.
     """
+    charge = high_pass(time, common, time_constant) / time_constant
+    nothing, unseen = np.zeros(len(time)), np.zeros(len(time))
+    parts = time[changing], temperature[changing], common[changing]
+    found = _best(*parts, nothing[changing], film_lag)
+    start = temperature[changing][0] - common[changing][0] / found.newton_per_kelvin
+    for _ in range(ROUNDS):
+        # The film is its own thermometer, which the sensors lag behind.
+        film = start + (common + found.leak_per_kelvin * unseen) / found.newton_per_kelvin
+        leaking = (film - pressed) * charge
+        unseen = np.concatenate([[0.0], np.cumsum(0.5 * (leaking[1:] + leaking[:-1]) * np.diff(time))])
+        found = _best(*parts, unseen[changing], film_lag)
+    whole = _best(time, temperature, common + found.leak_per_kelvin * unseen, nothing, film_lag)
+    return replace(
+        whole,
+        leak_per_kelvin=found.leak_per_kelvin,
+        leak_per_kelvin_deviation=found.leak_per_kelvin_deviation,
+    )
+
+
+def _best(time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float) -> TemperatureFit:
+    """Return the fit with the lag that leaves the smallest residuals."""
 
     def squares(lag: float) -> float:
-        return float(np.square(_at(time, temperature, common, film_lag, lag).residuals).sum())
+        return float(np.square(_at(time, temperature, common, unseen, film_lag, lag).residuals).sum())
 
     best = int(np.argmin([squares(lag) for lag in LAGS]))
     at_limit = best in (0, len(LAGS) - 1)
     lag = LAGS[best] if at_limit else golden_section(squares, LAGS[best - 1], LAGS[best + 1], 20)
-    return _at(time, temperature, common, film_lag, lag)
+    return _at(time, temperature, common, unseen, film_lag, lag)
 
 
-def _at(time: Array, temperature: Array, common: Array, film_lag: float, lag: float) -> TemperatureFit:
-    """Return the fit for a given lag: ``film = a + b*t + p*temperature``, the faster one of the two delayed."""
+def _at(time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, lag: float) -> TemperatureFit:
+    """Return the fit for a given lag: ``film = a + b*t - c*unseen + p*temperature``, the faster one delayed."""
     elapsed = time - time[0]
-    columns = np.stack([np.ones(len(time)), elapsed, temperature], axis=1)
+    columns = np.stack([np.ones(len(time)), elapsed, -unseen, temperature], axis=1)
     if lag >= 0.0:
-        columns[:, 2] = low_pass(time, temperature, lag)
+        columns[:, 3] = low_pass(time, temperature, lag)
         delayed = common - common[0]
     else:
         # The reading, which the sensors delay, is delayed like the film; all else is delayed like the reading.
-        columns[:, :2] = low_pass(time, columns[:, :2], film_lag - lag)
-        columns[:, 2] = low_pass(time, temperature, film_lag)
+        columns[:, :3] = low_pass(time, columns[:, :3], film_lag - lag)
+        columns[:, 3] = low_pass(time, temperature, film_lag)
         delayed = low_pass(time, common, film_lag - lag)
     found = np.linalg.lstsq(columns, delayed, rcond=None)[0]
-    per_kelvin = float(found[2])
+    per_kelvin = float(found[3])
     scale = per_kelvin if abs(per_kelvin) > 1e-9 else 1e-9
-    return TemperatureFit(lag, per_kelvin, float(found[1]), (delayed - columns @ found) / scale)
+    left = delayed - columns @ found
+    spread = np.linalg.pinv(columns.T @ columns)[2, 2] * float(left @ left) / max(len(time) - 4, 1)
+    deviation = math.hypot(math.sqrt(spread), LEAK_DOUBT)
+    return TemperatureFit(lag, per_kelvin, float(found[1]), float(found[2]), deviation, left / scale)

@@ -109,7 +109,9 @@ class ErrorPriors:
     lag_resolution: float = 0.015
     """the standard deviation of that lag beyond it [s]: readings come ten times a second."""
     scale: float = 0.04
-    """Scale of the temperature sensors [1]."""
+    """Scale of the temperature sensors [1], and"""
+    scale_calibrated: float = 0.015
+    """the same with calibration, in which they were the scale of the film's temperature [1]."""
     reading: float = 4e-3
     """A reading of the temperature sensors: rounding and noise [K]."""
     bend_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
@@ -191,6 +193,7 @@ class ErrorPriors:
         found: dict[str, Any] = {
             "leak": self.leak_calibrated,
             "pyroelectric": self.pyroelectric_calibrated,
+            "scale": self.scale_calibrated,
         }
         if calibration.temperature_sensor_lag > 0.0:
             lag = max(calibration.temperature_sensor_lag, self.lag_least)

@@ -13,6 +13,7 @@ calibration say.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -74,6 +75,9 @@ class ForceEstimator(scan_path.ForceEstimator):
             gain_deviation=np.hypot(calibration.gain_deviation, priors.gain_least),
             common_gain_deviation=calibration.common_gain_deviation,
             leak_deviation=calibration.leak_deviation,
+            leak_per_kelvin=calibration.leak_per_kelvin,
+            leak_per_kelvin_deviation=calibration.leak_per_kelvin_deviation,
+            leak_temperature=math.nan if calibration.temperature is None else calibration.temperature,
             noise=force_noise_rms(sensor),
             threshold=sensor.contact.threshold,
             greatest_force=device.force_max,

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.calibration.taxel_calibration import NOMINAL_LEAK_PER_KELVIN_DEVIATION, Calibration
 from posfet_model.config import write_text
 from posfet_model.sensor.description import Sensor
 
@@ -120,6 +120,13 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
             (
                 "thermal lag",
                 f"film {calibration.thermal_time_constant:.3f} s, sensors {calibration.temperature_sensor_lag:.3f} s",
+            )
+        )
+    if calibration.leak_per_kelvin_deviation < NOMINAL_LEAK_PER_KELVIN_DEVIATION:
+        numbers.append(
+            (
+                "leak rates per temperature",
+                f"{100 * calibration.leak_per_kelvin:+.2f} +-{100 * calibration.leak_per_kelvin_deviation:.2f} %/K",
             )
         )
     poles = zip(

@@ -24,6 +24,7 @@ struct Block {
   std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
   std::vector<double> noise;      ///< Variance of its noise [N2].
   double duration = 0.0;          ///< Its duration [s].
+  double leak = 1.0;              ///< Rate of the leakage, relative to that of the calibration [1].
   std::vector<double> charge;     ///< Mean of the charge, as a force, up to a constant [N].
   double span = 0.0;              ///< Time from the middle of the block before to its own [s].
   double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
@@ -40,6 +41,7 @@ struct Block {
   std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
   double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
                                   ///< [K2/s2].
+  double leak_noise = 0.0;        ///< Variance that the relative error of the leak rates gains [1].
   double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
   Belief before;                  ///< Belief before this block.
 };

@@ -60,6 +60,7 @@ struct EstimatedArray {
   std::vector<double> gain_deviation;     ///< Relative standard deviation of the gain [1],
   double common_gain_deviation;           ///< and of what all taxels have in common [1].
   std::vector<double> leak_deviation;     ///< Relative standard deviation of the leak rate [1].
+  LeakTemperature leak_temperature;       ///< How it depends on the temperature.
   double noise;                           ///< Standard deviation of a reading [N].
   double threshold;                       ///< Contact threshold [N].
   double greatest_force;                  ///< Greatest force of a taxel [N].
@@ -171,6 +172,7 @@ private:
   const ForceIntegration::State& state() const { return integration_->state(); }
   double signal(std::size_t taxel) const;
   double offset(std::size_t taxel) const;
+  double leak() const { return integration_->block().leak; }
   double warmth_variance(std::size_t taxel) const;
   void forget_touch();
   double tail_spread() const;
@@ -184,6 +186,8 @@ private:
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   void start_over();
   void observe_earlier_warming(const Block& block);
+  void admit_earlier_warming();
+  std::array<double, kSharedStates> warmed_earlier() const;
   void adopt_earlier_warming(const Block& block, const FoundRate& found);
   void integrate(double time);
   void start_block();
@@ -275,6 +279,8 @@ private:
   ForceErrorFilter* unheated_ = nullptr;  ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
                                           ///< while that is open.
   double apart_ = 0.0;          ///< Reading of the sensors less the expected one [K]; NaN: none in this block.
+  double farthest_ = 0.0;       ///< Greatest difference from the temperature of the calibration [K].
+  bool settled_ = false;        ///< Whether all offsets have been known.
   bool adopted_ = false;        ///< Whether a rate of earlier warming has been found.
   double expected_film_ = 0.0;  ///< Temperature of the film without any change of its rate [K],
   double expected_rate_ = 0.0;  ///< which is this one [K/s].
