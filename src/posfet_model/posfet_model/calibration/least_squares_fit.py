@@ -583,9 +583,8 @@ def _calibration(
     film_lag, sensor_lag = data.film_lag, 0.0
     leak: dict[str, float] = {}
     if thermal is not None:
+        leak["leak_per_kelvin"] = thermal.leak_per_kelvin
         leak["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
-        if abs(thermal.leak_per_kelvin) > thermal.leak_per_kelvin_deviation:
-            leak["leak_per_kelvin"] = thermal.leak_per_kelvin
         film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else data.film_lag
         sensor_lag = film_lag - thermal.lag
     return Calibration(

@@ -110,12 +110,10 @@ def fit_temperature(
         leaking = (film - pressed) * charge
         unseen = np.concatenate([[0.0], np.cumsum(0.5 * (leaking[1:] + leaking[:-1]) * np.diff(time))])
         found = _best(*parts, unseen[changing], film_lag)
-    whole = _best(time, temperature, common + found.leak_per_kelvin * unseen, nothing, film_lag)
-    return replace(
-        whole,
-        leak_per_kelvin=found.leak_per_kelvin,
-        leak_per_kelvin_deviation=found.leak_per_kelvin_deviation,
-    )
+    # Charge leaks faster the warmer it is: less than the deviation is something else.
+    leak = found.leak_per_kelvin if found.leak_per_kelvin > found.leak_per_kelvin_deviation else 0.0
+    whole = _best(time, temperature, common + leak * unseen, nothing, film_lag)
+    return replace(whole, leak_per_kelvin=leak, leak_per_kelvin_deviation=found.leak_per_kelvin_deviation)
 
 
 def _best(time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float) -> TemperatureFit:
