@@ -92,6 +92,7 @@ inline std::shared_ptr<ForceEstimator> make_estimator(const Layout& layout, std:
                        std::vector<double>(taxels, 0.03),
                        0.01,
                        std::vector<double>(taxels, 0.1),
+                       {0.046, 0.005, 25.0},
                        kNoise,
                        kThreshold,
                        4.0,
