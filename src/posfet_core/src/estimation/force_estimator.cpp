@@ -356,7 +356,7 @@ void ForceEstimator::start_over() {
 /// Add to the force errors what offsets and common drift cause in a time [s], which may be negative.
 void ForceEstimator::integrate(double time) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_share_[taxel] = time * leak() / array_.time_constant[taxel];
+    leaked_share_[taxel] = time / present_time_constant(taxel);
     driven_[taxel * kSharedStates + kDrift] = time * leak();
   }
   belief()->integrate(leaked_share_.data(), driven_.data());
@@ -391,7 +391,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     } else {
       // The offset has the noise of the signal that it is set to; so has the force. A film that warms generates charge,
       // which is no offset: that of the present rate, as far as it has lasted.
-      const double present = tau / leak();
+      const double present = present_time_constant(taxel);
       const double charge =
           present * array_.newton_per_kelvin[taxel] * -std::expm1(-integration_->block().age / present);
       error[kOffset] = signal(taxel) - tau * b.shared[kDrift] - charge * b.shared[kRate];
@@ -399,13 +399,13 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = noise;
       own[own_at(kOffset, kOffset)] = noise + square(left_deviation_[taxel]);
     }
-    leaked_share_[taxel] = -0.5 * last_duration_ * leak() / tau;
+    leaked_share_[taxel] = -0.5 * last_duration_ / present_time_constant(taxel);
     driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (where[taxel]) {
-      s.rate[taxel] = offset(taxel) * leak() / array_.time_constant[taxel];
+      s.rate[taxel] = offset(taxel) / present_time_constant(taxel);
       s.offset_known[taxel] = false;
       s.correction[taxel] = s.raw[taxel];
       s.held[taxel] = s.force[taxel] = 0.0;

@@ -53,7 +53,7 @@ void ForceEstimator::finish(const Block& block) {
   std::vector<double>& predicted = values_;
   filter_.predicted(block.response.data(), predicted.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double leaking = offset(taxel) * leak() / array_.time_constant[taxel];
+    const double leaking = offset(taxel) / present_time_constant(taxel);
     const double response = array_.newton_per_kelvin[taxel] * (1.0 + b.error_of(taxel)[kPyroelectric]);
     s.rate[taxel] = leaking + response * rate;
     s.correction[taxel] = predicted[taxel] + touch_.loops()[taxel] + 0.5 * block.duration * s.rate[taxel];

@@ -147,11 +147,7 @@ void ForceEstimator::observe_earlier_warming(const Block& block) {
     earlier_.reset();
     return;
   }
-  std::size_t touched = 0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    touched += block.touched[taxel] && !ignored()[taxel] ? 1 : 0;
-  }
-  if (2 * touched > usable()) {  // a touch that begins, not one taxel that is noisy, and those beside it
+  if (touches_most(block)) {  // a touch that begins, not one taxel that is noisy, and those beside it
     return;
   }
   const auto found = earlier_.add(integration_->block().age, apart_);
@@ -160,6 +156,15 @@ void ForceEstimator::observe_earlier_warming(const Block& block) {
     adopt_earlier_warming(block, *found);
     adopted_ = true;
   }
+}
+
+/// Whether most of the taxels that work are touched in a block.
+bool ForceEstimator::touches_most(const Block& block) const {
+  std::size_t touched = 0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    touched += block.touched[taxel] && !ignored()[taxel] ? 1 : 0;
+  }
+  return 2 * touched > usable();
 }
 
 /// How the shared states change if the film had warmed by 1 K/s when the first scan came: that charge counts as one of
@@ -178,7 +183,7 @@ void ForceEstimator::admit_earlier_warming() {
   Belief& b = *belief();
   filter_.admit(warmed_earlier().data(), square(kEarlierShare * b.shared[kRate]));
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double tau = array_.time_constant[taxel] / leak();
+    const double tau = present_time_constant(taxel);
     b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
   }
   blocks_.clear();
@@ -196,7 +201,7 @@ void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& 
     b.shared[state] += warmer[state] * found.rate;
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double tau = array_.time_constant[taxel] / leak();
+    const double tau = present_time_constant(taxel);
     b.error_of(taxel)[kOffset] += tau * (mean_per_kelvin_ - array_.newton_per_kelvin[taxel]) * found.rate;
     b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
     b.know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);

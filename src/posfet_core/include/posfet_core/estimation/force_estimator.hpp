@@ -173,6 +173,7 @@ private:
   double signal(std::size_t taxel) const;
   double offset(std::size_t taxel) const;
   double leak() const { return integration_->block().leak; }
+  double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
   double warmth_variance(std::size_t taxel) const;
   void forget_touch();
   double tail_spread() const;
@@ -186,6 +187,7 @@ private:
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   void start_over();
   void observe_earlier_warming(const Block& block);
+  bool touches_most(const Block& block) const;
   void admit_earlier_warming();
   std::array<double, kSharedStates> warmed_earlier() const;
   void adopt_earlier_warming(const Block& block, const FoundRate& found);
