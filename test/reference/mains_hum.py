@@ -36,6 +36,9 @@ DETECTION: Final = 5.0
 LEAST_AMPLITUDE: Final = 0.2
 """A hum of less than this many standard deviations of a reading's noise is not subtracted [1]."""
 
+STRONG_AMPLITUDE: Final = 5.0
+"""A hum of more than this many standard deviations of a reading's noise is strong [1]."""
+
 LARGEST_PHASE_CHANGE: Final = 1.0
 """Greatest deviation of the phase from its prediction between two windows [rad]."""
 
@@ -94,7 +97,7 @@ class MainsHum(HumFilter):
         # Hann window: suppresses slow changes.
         self._weights = 2.0 / max(scans, 1) * (1.0 - np.cos(TURN * (np.arange(scans) + 0.5) / max(scans, 1)))
         self._noise_of_window = noise * math.sqrt(3.0 / max(scans, 1))
-        self._least = LEAST_AMPLITUDE * noise
+        self._least, self._strong = LEAST_AMPLITUDE * noise, STRONG_AMPLITUDE * noise
         self._suspected: complex | None = None  # mean phasor of the free taxels in the previous window
         self._windows = 0
         self._predicted = 0.0  # time since the phase was last measured [s]
@@ -113,6 +116,11 @@ class MainsHum(HumFilter):
     def amplitude(self) -> float:
         """Root mean square of the taxels' amplitudes of the fundamental, in the unit of the signals."""
         return math.sqrt(2.0 * float(np.mean(self.parts[0] ** 2)))
+
+    @property
+    def strong(self) -> bool:
+        """Whether a hum is subtracted without which the signals say little."""
+        return self.present and self.amplitude > self._strong
 
     def forget(self) -> None:
         """Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum."""

@@ -21,7 +21,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.contacts.detection import ENTER_DEVIATIONS
 from reference.estimation.force_estimator import BLOCK, ForceEstimator
-from reference.mains_hum import MainsHum
+from reference.mains_hum import PAUSE, MainsHum
 from reference.scan_path import ScanPath
 from reference.taxel_faults import INFORMATIVE, TaxelFaultDetector
 
@@ -112,8 +112,12 @@ class Reconstructor:
             estimator.ignore(faults.faulty)
         estimator.set_noise_variance(faults.noise_variance)
         path.bursts.set_usual_change(faults.usual_change)
+        hummed = self.hum.present
         self.hum.close_block(touched, faults.faulty | path.saturated, estimator.block_time)
         estimator.close_block(touched, [contact.region.taxels for contact in path.contacts])
+        begins = estimator.age < PAUSE and not touched.any()
+        if begins and not hummed and self.hum.strong:
+            estimator.forget()
         self._choose_interpolated()
         self._set_thresholds()
 

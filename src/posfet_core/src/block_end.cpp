@@ -45,8 +45,13 @@ void BlockEnd::close() {
     touched_[taxel] = touched[taxel] != 0;
   }
   test_taxels(dilated(parts_.finder->grid(), touched, margin_));
+  const bool hummed = parts_.hum->state().present;
   close_hum();
   close_estimator();
+  const bool begins = parts_.estimator->age() < kSearchPause && !touched_.any();
+  if (begins && !hummed && parts_.hum->strong()) {
+    parts_.estimator->forget();  // it has started with a hum, which no zero explains
+  }
   choose_interpolated();
   set_thresholds();
 }

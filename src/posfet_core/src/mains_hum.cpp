@@ -30,6 +30,7 @@ double limited(double step) { return std::clamp(step, -kLargestHumStep, kLargest
 MainsHum::MainsHum(std::size_t taxels, double rate, double noise)
     : HumFilter(taxels, scans_of_window(rate)),
       least_(kLeastAmplitude * noise),
+      strong_(kStrongAmplitude * noise),
       weights_(scans()),
       touched_(taxels),
       free_(taxels),

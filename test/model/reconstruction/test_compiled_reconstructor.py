@@ -55,6 +55,10 @@ class Story:
     """Whether the calibration has a dead taxel."""
 
 
+HUM, STRONG_HUM = 1.5e-3, 1e-2
+"""Amplitudes of a hum of 50 and of 60.1 Hz [N]: the strong one lets the estimator start again."""
+
+
 def stories(largest: int) -> st.SearchStrategy[Story]:
     sizes = st.integers(1, largest)
     return st.builds(
@@ -112,7 +116,8 @@ class Source:
     def _with_faults(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
         random, time, story = self.random, 1e-3 * self._index, self._story
         if story.hum:
-            counts = counts + 0.01 * self._per_newton * np.cos(2.0 * math.pi * story.hum * time + self._ahead)
+            size = STRONG_HUM if story.hum > 55.0 else HUM
+            counts = counts + size * self._per_newton * np.cos(2.0 * math.pi * story.hum * time + self._ahead)
         if time > self._since:
             high = 300.0 * (math.sin(23.0 * time + 2.0 * math.sin(7.0 * time)) > 0.0)
             rest = 32768.0

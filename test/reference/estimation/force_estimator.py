@@ -138,6 +138,7 @@ NEGLIGIBLE: Final = 1e-12
 """Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
 
 PLAY: Final = 4.0
+SHARE_PLAY: Final = 2e-3
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
 WARM_UP: Final = 0.02
@@ -323,7 +324,7 @@ class ForceEstimator:
         self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
         self._lost = scans.lost  # deviation of what leaked in lost scans, common to all taxels [N]
         self._mean, self._last_mean, self._nothing = np.zeros((3, taxels))
-        self._usual, self._touch_force, self._tail, self._warmed, self._warmth = np.zeros((5, taxels))
+        self._usual, self._touch_force, self._share, self._tail, self._warmed, self._warmth = np.zeros((6, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._usual_offset, self._stepped, self._hidden, self._felt = np.zeros((5, taxels))
         self._tapped = np.zeros(taxels, np.bool_)
@@ -422,6 +423,11 @@ class ForceEstimator:
         """Set the variance of a reading of each taxel [N2], shape [rows * cols]; initially that of the description."""
         self._noise_variance[:] = variance
 
+    @property
+    def age(self) -> float:
+        """Time that has been processed [s]."""
+        return self._age
+
     def interrupt(self) -> None:
         """Record that an unknown time passes before the next scan: changes of the force in it are unknown.
 
@@ -509,17 +515,21 @@ class ForceEstimator:
         except ValueError:  # the covariance of the filter is none
             self._start_over()
 
-    def _start_over(self) -> None:
-        """Forget all that the filter believes: what it says is impossible."""
+    def forget(self) -> None:
+        """Forget all, as if the next scan were the first one: what was known is wrong."""
         self._farthest = 0.0
-        self.restarts += int(np.count_nonzero(~self.ignored))
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
         self._listed = self._touched = self._beside = self._nowhere
         self.offset_known[:] = False
         self.force[:] = 0.0
-        self.valid = False
+        self._started = self.valid = False
+
+    def _start_over(self) -> None:
+        """Forget all that the filter believes: what it says is impossible."""
+        self.restarts += int(np.count_nonzero(~self.ignored))
+        self.forget()
         self.start(self._integration.signal / self._newton_per_charge)
 
     def _estimate(self, touched: Mask, contacts: Sequence[NDArray[np.intp]]) -> None:
@@ -708,12 +718,13 @@ class ForceEstimator:
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
         grown += differs
         own_noise[:, 0, 4] = own_noise[:, 4, 0] = own_noise[:, 4, 4] = differs
-        tail_moved = 0.0
+        tail_moved, share_moved = 0.0, self._moved_share(held)
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
+            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), share_moved * tail**2, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
@@ -751,6 +762,15 @@ class ForceEstimator:
         warmer, before = abs(self._integration.warmer), self._farthest
         self._farthest = before if math.isnan(warmer) else max(before, warmer)
         return float(self._leak_per_kelvin_deviation**2 * (self._farthest**2 - before**2))
+
+    def _moved_share(self, held: Array) -> float:
+        """Return the share of the force that has moved from taxel to taxel within a block."""
+        total, before = float(held.sum()), self._share
+        share = held / total if total else held
+        self._share = np.minimum(np.maximum(before, share - SHARE_PLAY), share + SHARE_PLAY)
+        if not total or before.sum() <= 0.5:
+            return 0.0
+        return 0.5 * float(np.abs(self._share - before).sum())
 
     def _advance_touch(self, listed: Mask, tail: Array) -> None:
         """Advance the responses to the touch."""
@@ -1303,7 +1323,7 @@ class ForceEstimator:
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
         present = 1.0 / self._per_second()
-        charge = present * self._per_kelvin * -np.expm1(-self._age / present)
+        charge = present * self._per_kelvin * -np.expm1(-max(self._age - self._film_lag, 0.0) / present)
         drift, rate = belief.shared[[Shared.DRIFT, Shared.RATE]]
         belief.error[new, 1] = (self._integration.signal - self._tau * drift - charge * rate)[new]
         belief.slope[new, 1, Shared.RATE] = -charge[new]

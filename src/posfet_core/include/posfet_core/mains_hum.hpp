@@ -45,6 +45,9 @@ constexpr double kDetection = 5.0;
 /// A hum of less than this many standard deviations of a reading's noise is not subtracted [1].
 constexpr double kLeastAmplitude = 0.2;
 
+/// A hum of more than this many standard deviations of a reading's noise is strong [1].
+constexpr double kStrongAmplitude = 5.0;
+
 /// Greatest deviation of the phase from its prediction between two windows [rad].
 constexpr double kLargestPhaseChange = 1.0;
 
@@ -89,6 +92,9 @@ public:
   /// Root mean square of the taxels' amplitudes of the fundamental, in the unit of the signals.
   double amplitude() const;
 
+  /// Whether a hum is subtracted without which the signals say little.
+  bool strong() const { return state().present && amplitude() > strong_; }
+
   /// Forget what was seen of the window that an interruption has ended; the scan path has cleared the hum.
   void forget();
 
@@ -114,6 +120,7 @@ private:
   std::size_t orders_ = 0;  ///< Number of orders that the rate shows.
   double noise_of_window_;
   double least_;
+  double strong_;
   std::vector<double> weights_;   ///< Hann window: suppresses slow changes.
   double pause_ = 0.0;            ///< What is left of the pause [s].
   TaxelFlags touched_;            ///< In the window.

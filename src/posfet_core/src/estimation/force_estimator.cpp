@@ -121,6 +121,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
        }) {
     values->assign(taxels(), 0.0);
   }
+  share_.assign(taxels(), 0.0);
   for (auto* values : {&response_, &sensitivity_, &driven_}) {
     values->assign(taxels() * kSharedStates, 0.0);
   }
@@ -338,9 +339,7 @@ void ForceEstimator::start(const double* charge) {
   start_block();
 }
 
-/// Forget all that the filter believes: what it says is impossible.
-void ForceEstimator::start_over() {
-  restarts_ += usable();
+void ForceEstimator::forget() {
   farthest_ = 0.0;
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
@@ -348,7 +347,13 @@ void ForceEstimator::start_over() {
     mask->fill(false);
   }
   std::fill(state().force.begin(), state().force.end(), 0.0);
-  integration_->block().valid = false;
+  integration_->block().started = integration_->block().valid = false;
+}
+
+/// Forget all that the filter believes: what it says is impossible.
+void ForceEstimator::start_over() {
+  restarts_ += usable();
+  forget();
   const std::vector<double> charge = integration_->inverse().charge();
   start(charge.data());
 }
@@ -393,7 +398,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       // which is no offset: that of the present rate, as far as it has lasted.
       const double present = present_time_constant(taxel);
       const double charge =
-          present * array_.newton_per_kelvin[taxel] * -std::expm1(-integration_->block().age / present);
+          present * array_.newton_per_kelvin[taxel] * -std::expm1(-std::max(age() - array_.film_lag, 0.0) / present);
       error[kOffset] = signal(taxel) - tau * b.shared[kDrift] - charge * b.shared[kRate];
       b.slope_of(taxel, kOffset)[kRate] = -charge;
       own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = noise;

@@ -42,6 +42,9 @@ constexpr double kLeastFelt = 0.1;
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
 
+/// Greatest change of a taxel's share of the force that is no motion [1].
+constexpr double kSharePlay = 2e-3;
+
 /// Product of two changes of a force: of its change, and of the greater one of both.
 double changed_square(double now, double before) { return std::abs(now - before) * std::max(now, before); }
 
@@ -129,6 +132,26 @@ void ForceEstimator::measure_touch(Block& block) {
   block.warming = touch_.warming();
 }
 
+/// Find the share of the force that has moved from taxel to taxel within a block [1].
+double ForceEstimator::find_moved_share(const Block& block) {
+  double total = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    total += block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+  }
+  double before = 0.0;
+  double moved = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    const double share = total > 0.0 ? held / total : 0.0;
+    // With a play, as a tremor changes shares, too: those of weak forces lag behind.
+    const double now = std::min(std::max(share_[taxel], share - kSharePlay), share + kSharePlay);
+    before += share_[taxel];
+    moved += std::abs(now - share_[taxel]);
+    share_[taxel] = now;
+  }
+  return total > 0.0 && before > 0.5 ? 0.5 * moved : 0.0;  // a touch that begins has not moved
+}
+
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
 void ForceEstimator::measure_process_noise(Block& block) {
   const double scans_square = integration_->block().square;
@@ -140,6 +163,11 @@ void ForceEstimator::measure_process_noise(Block& block) {
   double moved = 0.0;
   double total = 0.0;
   double before = 0.0;
+  const double moved_share = find_moved_share(block);
+  TaxelFlags& near = chosen_;
+  if (touch) {
+    surroundings_.dilate(block.touched, near);
+  }
   std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
@@ -165,6 +193,9 @@ void ForceEstimator::measure_process_noise(Block& block) {
       grown += square(priors_.motion) * changed_square(held, touch_force_[taxel]);
       // A force that rises beside a contact cannot be told from warmth: each is as likely.
       own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
+      if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
+        own[own_at(kSmallForce, kSmallForce)] += moved_share * square(tail);
+      }
       whole += std::max(tail, tail_[taxel]);
       moved += std::abs(tail - tail_[taxel]);
     }

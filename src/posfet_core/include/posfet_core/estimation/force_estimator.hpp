@@ -126,6 +126,12 @@ public:
   /// known. At the next scan the force is set to the remaining charge, a lower bound of the force.
   void interrupt();
 
+  /// Forget all, as if the next scan were the first one: what was known is wrong.
+  void forget();
+
+  /// Time that has been processed [s].
+  double age() const { return integration_->block().age; }
+
   /// Process the block that is due: the taxels in contact at any time of it, and those of each contact. Has no effect
   /// where the offset is unknown: there a constant force is as informative as no force. A filter that diverged starts
   /// over, with all offsets unknown, and counts in `restarts`.
@@ -200,6 +206,7 @@ private:
   void measure(Block& block);
   void measure_touch(Block& block);
   void find_tails(Block& block);
+  double find_moved_share(const Block& block);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
   void observe_rest(bool listed);
@@ -303,6 +310,7 @@ private:
   std::vector<double> felt_;                ///< Mean force of the last block, no less than zero [N].
   TaxelFlags tapped_;                       ///< Touched taxels that have lost most of their force within a block.
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
+  std::vector<double> share_;               ///< Touched force over the total one, with a play [1].
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
   std::vector<double> warmth_;              ///< Greatest relative warmth of the taxels [1].
