@@ -35,9 +35,10 @@ CERTAINTY: Final = 1.0
 error is seen in the next scan."""
 
 FEWEST_TAXELS: Final = 9
-"""Number of taxels from which a jump of all of them is no touch: a fingertip covers fewer."""
+"""Number of taxels from which a jump of all of them, at least half of which jump by more than the least, is no touch: a
+fingertip covers fewer."""
 
-EVENLY: Final = 0.3
+EVENLY: Final = 0.15
 """Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less."""
 
 
@@ -113,7 +114,7 @@ class BurstDetector:
         contradicted, _ = self._skin.contradicts(jump, self._variance, sound, CERTAINTY, one_sided=True)
         if any_true(contradicted & fresh):
             return True
-        if np.count_nonzero(sound) < FEWEST_TAXELS or any_true(sound & ~fresh):
+        if np.count_nonzero(sound) < FEWEST_TAXELS or 2 * np.count_nonzero(sound & fresh) < np.count_nonzero(sound):
             return False
         least, greatest = float(jump[sound].min()), float(jump[sound].max())
         return min(least / greatest, greatest / least) >= EVENLY

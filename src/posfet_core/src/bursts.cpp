@@ -50,14 +50,14 @@ bool BurstDetector::is_burst(const double* charge, std::uint64_t sequence, const
 bool BurstDetector::is_no_touch(const bool* faulty) {
   const std::vector<double>& jump = jumps_.jump();
   std::size_t count = 0;
-  bool all_fresh = true;
+  std::size_t fresh = 0;
   double least = std::numeric_limits<double>::infinity();
   double greatest = -least;
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
     sound_[taxel] = !faulty[taxel];
     if (sound_[taxel]) {
       ++count;
-      all_fresh = all_fresh && jumps_.fresh()[taxel] != 0;
+      fresh += jumps_.fresh()[taxel] != 0 ? 1 : 0;
       least = std::min(least, jump[taxel]);
       greatest = std::max(greatest, jump[taxel]);
     }
@@ -69,7 +69,7 @@ bool BurstDetector::is_no_touch(const bool* faulty) {
       return true;
     }
   }
-  return count >= kFewestOfBurst && all_fresh && std::min(least / greatest, greatest / least) >= kEvenly;
+  return count >= kFewestOfBurst && 2 * fresh >= count && std::min(least / greatest, greatest / least) >= kEvenly;
 }
 
 }  // namespace posfet

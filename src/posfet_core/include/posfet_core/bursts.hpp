@@ -24,11 +24,12 @@ constexpr double kUsualChanges = 8.0;
 /// in error is seen in the next scan.
 constexpr double kBurstCertainty = 1.0;
 
-/// Number of taxels from which a jump of all of them is no touch: a fingertip covers fewer.
+/// Number of taxels from which a jump of all of them, at least half of which jump by more than the least, is no touch:
+/// a fingertip covers fewer.
 constexpr std::size_t kFewestOfBurst = 9;
 
 /// Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less.
-constexpr double kEvenly = 0.3;
+constexpr double kEvenly = 0.15;
 
 /// Finds the scans with a burst, scan by scan.
 class BurstDetector {
