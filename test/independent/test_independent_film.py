@@ -158,14 +158,19 @@ def test_a_board_that_warms_up_reads_no_force_that_is_none() -> None:
     assert not verdict.failures(Limits(3.0, 90.0, 2.0, clean=True, left=0.02)), verdict
 
 
-def test_ridges_that_move_are_not_taken_for_a_drift_of_the_chip() -> None:
-    # They cover the array but for a column at their side, which feels more and more of them as they move there: not
-    # that the film cools. 19 % of the scans misled.
-    board, calibration = calibrated("drift", BOARD, "gauss")
-    verdict = judge(board, calibration, "gauss", scenes()["ridged"])
-    assert verdict.error < 4.0
-    assert verdict.misleading < 10.0
-    assert min(verdict.taxels, verdict.total) >= 90.0
+def test_an_edge_that_moves_is_not_taken_for_a_drift_of_the_chip() -> None:
+    # It covers most of the array, and the taxels beside it feel more of it as it moves there: not that the film cools.
+    board, calibration = calibrated("none", BOARD, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["handle"])
+    assert verdict.error < 0.5  # 0.84 %
+
+
+@pytest.mark.parametrize("row", ["moderate_under_way", "drift_under_way"])
+def test_a_film_that_warms_since_before_the_start_reads_no_force(row: str) -> None:
+    # Zeros show no warming at all. Taken for a wrong scale of the sensors, it became forces of 5 N that stayed.
+    board, calibration = calibrated(row, 5, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["power_on"])
+    assert not verdict.failures(Limits(2.0, 90.0, 1.0, clean=True, left=0.02)), verdict
 
 
 @pytest.mark.parametrize("number", [2, 3])

@@ -369,7 +369,7 @@ class ForceErrorFilter:
         b.slope -= gain[:, :, None] * sensitivity[:, None, :]
         b.own -= gain[:, :, None] * own[:, None, :]
 
-    def temperature_innovation(self, reading: float, variance: float) -> tuple[float, Array, float]:
+    def temperature_innovation(self, reading: float, variance: float, time: float) -> tuple[float, Array, float]:
         """Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].
 
         Parameters
@@ -378,15 +378,19 @@ class ForceErrorFilter:
             Mean change of the sensors since the start [K].
         variance : float
             Variance of its noise [K2].
+        time : float
+            Time since the temperatures were zero [s].
         """
         b = self.belief
         scale = 1.0 + b.shared[Shared.SCALE]
-        sensors = b.shared[Shared.SENSOR]
-        column = scale * b.covariance[:, Shared.SENSOR] + sensors * b.covariance[:, Shared.SCALE]
-        total = float(scale * column[Shared.SENSOR] + sensors * column[Shared.SCALE]) + variance
+        sensors = b.shared[Shared.SENSOR] + b.shared[Shared.EARLIER] * time
+        seen = b.covariance[:, Shared.SENSOR] + b.covariance[:, Shared.EARLIER] * time
+        column = scale * seen + sensors * b.covariance[:, Shared.SCALE]
+        seen_twice = column[Shared.SENSOR] + column[Shared.EARLIER] * time
+        total = float(scale * seen_twice + sensors * column[Shared.SCALE]) + variance
         return float(reading - scale * sensors), column, total
 
-    def measure_temperature(self, reading: float, variance: float) -> None:
+    def measure_temperature(self, reading: float, variance: float, time: float) -> None:
         """Update by a reading of the temperature sensors.
 
         Parameters
@@ -395,11 +399,14 @@ class ForceErrorFilter:
             Mean change of the sensors since the start [K].
         variance : float
             Variance of its noise [K2].
+        time : float
+            Time since the temperatures were zero [s].
         """
         sensitivity = np.zeros(len(self.belief.shared))
         sensitivity[Shared.SENSOR] = 1.0 + self.belief.shared[Shared.SCALE]
-        sensitivity[Shared.SCALE] = self.belief.shared[Shared.SENSOR]
-        innovation = self.temperature_innovation(reading, variance)[0]
+        sensitivity[Shared.EARLIER] = sensitivity[Shared.SENSOR] * time
+        sensitivity[Shared.SCALE] = self.belief.shared[Shared.SENSOR] + self.belief.shared[Shared.EARLIER] * time
+        innovation = self.temperature_innovation(reading, variance, time)[0]
         self.measure_shared(innovation, sensitivity, variance)
 
     def measure_shared(self, innovation: float, sensitivity: Array, variance: float) -> None:
@@ -441,7 +448,7 @@ class ForceErrorFilter:
         b = self.belief
         b.own += b.slope @ b.covariance @ b.slope.transpose(0, 2, 1)
         b.slope[:] = 0.0
-        again = [Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE]
+        again = list(range(Shared.EARLIER + 1))
         b.shared[again] = shared[again]
         b.covariance = b.covariance.copy()
         b.covariance[again] = b.covariance[:, again] = 0.0

@@ -73,7 +73,7 @@ class Both:
         (own, factor), (other, rows) = (each.covariance_root(response) for each in (self.compiled, self.plain))
         self._same([own, factor @ factor.T], [other, rows @ rows.T])  # a root is not unique
         if self.states == COUNT:
-            self._same(*(each.temperature_innovation(0.3, 0.1) for each in (self.compiled, self.plain)))
+            self._same(*(each.temperature_innovation(0.3, 0.1, 2.0) for each in (self.compiled, self.plain)))
 
     @staticmethod
     def _same(found: object, expected: object) -> None:
@@ -113,8 +113,8 @@ class Both:
     def _measure_shared(self) -> tuple[float, Array, float]:
         return 0.4, self.random.standard_normal(self.states), 0.2
 
-    def _measure_temperature(self) -> tuple[float, float]:
-        return 0.7, 0.3
+    def _measure_temperature(self) -> tuple[float, float, float]:
+        return 0.7, 0.3, 2.0
 
     def _restart_temperature(self) -> tuple[float, Array, Array]:
         return 0.5, self.random.standard_normal(self.states), covariance(self.random, self.states)
@@ -164,7 +164,7 @@ def test_arrays_of_any_size_have_the_same_belief(taxels: int) -> None:
 
 
 def test_the_states_of_the_temperatures_are_those_of_the_estimator() -> None:
-    thermal = (Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE)
+    thermal = (Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE, Shared.EARLIER)
     assert thermal == scan_path.THERMAL_STATES
     assert OWN == plain.OWN
     assert scan_path.NEGLIGIBLE_CORRELATION == plain.NEGLIGIBLE
@@ -204,7 +204,7 @@ def test_arrays_of_another_shape_are_refused() -> None:
     with pytest.raises(ValueError, match=r"slope must have the shape \[4, 5, 3\]"):
         scan_path.Belief(np.ones(3), np.eye(3), np.ones((4, OWN)), rows, np.zeros((4, OWN, OWN)))
     with pytest.raises(ValueError, match="no states for the temperatures"):
-        compiled.measure_temperature(0.0, 1.0)
+        compiled.measure_temperature(0.0, 1.0, 0.0)
     with pytest.raises(IndexError, match="state must be one of a taxel"):
         compiled.belief.forget(where, OWN)
 

@@ -334,7 +334,7 @@ STORIES = {
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
     "a film that warms": (Story(5, 5, 14, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
-        Story(5, 5, 9, trouble=0.1, kinds=(WARMING,), sensed=False),
+        Story(5, 5, 3, trouble=0.1, kinds=(WARMING,), sensed=False),
         ("hypothesis open", "hypothesis refused"),
     ),
     "interruptions": (Story(5, 5, 5, trouble=0.2, kinds=(ONSET, GAP)), ("lower bound", "invalid")),

@@ -335,7 +335,7 @@ def test_with_the_states_of_the_estimator_the_variance_is_not_below_that_of_the_
             covariance = as_dense(filtered.belief).covariance
             truth.correct(covariance @ row.T / (row @ covariance @ row.T + variance), row, variance)
             dense.update(np.zeros(1), row, variance)
-            filtered.measure_temperature(0.0, priors.reading**2)
+            filtered.measure_temperature(0.0, priors.reading**2, 0.0)
         truth.correct(gain(filtered, step), step.dense_response, step.measured_noise)
         update(filtered, step, np.zeros(taxels))
         dense_update(dense, step, np.zeros(taxels))
@@ -349,11 +349,16 @@ def test_with_the_states_of_the_estimator_the_variance_is_not_below_that_of_the_
         assert (mine <= 1.3 * actual).all(), number
 
 
+TIME = 3.0
+"""Time since the temperatures were zero [s]."""
+
+
 def temperature_row(belief: Belief, size: int) -> Array:
-    """Return the derivative of a reading, (1 + scale)*sensors, with respect to all states."""
+    """Return the derivative of a reading, (1 + scale)*(sensors + earlier*time), with respect to all states."""
     row = np.zeros((1, size))
     row[0, Shared.SENSOR] = 1.0 + belief.shared[Shared.SCALE]
-    row[0, Shared.SCALE] = belief.shared[Shared.SENSOR]
+    row[0, Shared.EARLIER] = row[0, Shared.SENSOR] * TIME
+    row[0, Shared.SCALE] = belief.shared[Shared.SENSOR] + belief.shared[Shared.EARLIER] * TIME
     return row
 
 
@@ -362,13 +367,13 @@ def test_a_temperature_reading_updates_all_states_like_the_dense_filter() -> Non
     for _ in range(10):
         belief = random_belief(random, COUNT, 4)
         dense, shared = as_dense(belief), belief.shared
-        expected = (1.0 + shared[Shared.SCALE]) * shared[Shared.SENSOR]
+        expected = (1.0 + shared[Shared.SCALE]) * (shared[Shared.SENSOR] + shared[Shared.EARLIER] * TIME)
         row = temperature_row(belief, len(dense.mean))
         reading = expected + 0.7
-        innovation, _, variance = ForceErrorFilter(belief).temperature_innovation(reading, 0.3)
+        innovation, _, variance = ForceErrorFilter(belief).temperature_innovation(reading, 0.3, TIME)
         assert innovation == pytest.approx(0.7, rel=1e-12)
         assert variance == pytest.approx((row @ dense.covariance @ row.T).item() + 0.3, rel=1e-9)
-        ForceErrorFilter(belief).measure_temperature(reading, 0.3)
+        ForceErrorFilter(belief).measure_temperature(reading, 0.3, TIME)
         dense.update(np.array([reading - expected]) + row @ dense.mean, row, np.array([0.3]))
         assert_same(belief, dense, 1)
 

@@ -620,7 +620,7 @@ def test_a_held_force_follows_a_chip_that_suddenly_cools_after_150_ms(seed: int)
     forces = history(watch, SENSOR, 2.25, force=force, shape=PATCH, temperature=temperature, seed=seed)
     # 2 K/s change each taxel by 2 N/s, which is 1 N on all of them between two blocks. The sensors turn out to be
     # much faster than expected.
-    assert np.abs(forces[2130:].sum(axis=1) - 1.0).max() < 0.1
+    assert np.abs(forces[2150:].sum(axis=1) - 1.0).max() < 0.1
 
 
 def test_contact_thresholds_do_not_follow_what_a_response_to_temperature_makes_uncertain_in_a_touch() -> None:

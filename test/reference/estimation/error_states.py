@@ -38,6 +38,7 @@ def start_covariance(priors: ErrorPriors) -> Array:
     deviations[Shared.SENSOR] = priors.reading
     deviations[Shared.LAG] = priors.lag_spread
     deviations[Shared.SCALE] = priors.scale
+    deviations[Shared.EARLIER] = priors.earlier
     deviations[Shared.BEND : Shared.BEND + BENDS] = priors.bend
     deviations[Shared.LEAK] = priors.leak
     deviations[Shared.WARMTH] = priors.warmth
@@ -85,8 +86,7 @@ class SharedDynamics:
         self._rate_change, self._slow_rate = priors.rate_change, priors.slow_rate
         rates = np.diag(start_covariance(priors)).copy() / self.FORGET
         rates[Shared.RATE] = priors.rate_walk**2
-        rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
-        rates[Shared.TAIL] = 0.0
+        rates[[Shared.SENSOR, Shared.EARLIER, Shared.DRIFT, Shared.TAIL]] = 0.0
         self._noise = np.diag(rates)
         self._duration, self._matrix = math.nan, np.eye(COUNT)
         self.set_film_walk(priors.film_walk**2)

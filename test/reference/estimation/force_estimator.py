@@ -28,7 +28,6 @@ from posfet_model.estimation.settings import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation.contact_surroundings import ContactSurroundings
-from reference.estimation.earlier_warming import EarlierWarming
 from reference.estimation.error_states import SharedDynamics, start_belief, start_covariance, start_mean
 from reference.estimation.jump_noise import QUIET, JumpNoise
 from reference.estimation.known_forces import (
@@ -138,13 +137,10 @@ NEGLIGIBLE: Final = 1e-12
 """Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
 
 PLAY: Final = 4.0
-SHARE_PLAY: Final = 2e-3
 """Deviations of a block's mean by which a force must change to have moved [1]."""
+SHARE_PLAY: Final = 2e-3
+"""Greatest change of a taxel's share of the force that is no motion [1]."""
 
-WARM_UP: Final = 0.02
-"""Rate from which on a film warms up [K/s]."""
-EARLIER_SHARE: Final = 0.3
-"""Rate at which a film that warms may have warmed before the first scan, relative to its rate since then [1]."""
 BRIEF: Final = 2.0
 """By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
 response [1]; assumed."""
@@ -175,6 +171,8 @@ class Block:
     """Variance of its noise [K2]."""
     interval: float
     """Time since the reading before [s]."""
+    time: float
+    """Time since the temperatures were zero [s]."""
     listed: Mask
     """Taxels in contact."""
     touched: Mask
@@ -233,10 +231,8 @@ class ForceEstimator:
     touch_at_start: bool = False
     """Whether forces are not valid until a release or a forced tare shows what no force is; may change."""
     _zero_known: bool = False
-    _adopted: bool = False
-    _settled: bool = False
+    _warmed_since: float = 0.0
     _farthest: float = 0.0
-    _apart: float = math.nan
 
     def __init__(
         self,
@@ -287,7 +283,7 @@ class ForceEstimator:
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
-        self._jumps, self._earlier = JumpNoise(self._tau), EarlierWarming()
+        self._jumps = JumpNoise(self._tau)
         self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
@@ -555,7 +551,6 @@ class ForceEstimator:
         else:
             self._step(block)
         self._listed = listed
-        self._observe_earlier_warming(block)
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         bends = slice(Shared.BEND, Shared.BEND + BENDS)
@@ -682,13 +677,13 @@ class ForceEstimator:
 
     def _measure(self, touched: Mask, listed: Mask) -> Block:
         """Return the block that is due."""
-        mean = self._sum / self._scans
-        self._mean = mean
+        mean = self._mean = self._sum / self._scans
         leaked = self._raw - self._integration.signal
         # What leaks in a block is its mean charge.
         charge = (leaked - self._leaked) / (self._per_second() * self._elapsed)
         self._leaked = leaked
         self._unread += self._elapsed
+        self._warmed_since += self._elapsed
         repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
         if repeated:
             self._reading = self._sensors
@@ -718,13 +713,13 @@ class ForceEstimator:
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
         grown += differs
         own_noise[:, 0, 4] = own_noise[:, 4, 0] = own_noise[:, 4, 4] = differs
-        tail_moved, share_moved = 0.0, self._moved_share(held)
+        tail_moved, moved = 0.0, self._moved_share(held)
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
-            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), share_moved * tail**2, 0.0)
+            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), moved * tail**2, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
@@ -738,6 +733,7 @@ class ForceEstimator:
             self._reading,
             self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
             min(self._unread, LONGEST_INTERVAL),
+            self._warmed_since,
             listed,
             touched,
             response,
@@ -844,84 +840,36 @@ class ForceEstimator:
         own = self.belief.own[:, 1, 1]
         np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        self._apart = self._measure_temperature(self._filter, block, any_true(zeros))
+        self._measure_temperature(self._filter, block, any_true(zeros))
         self._measure_zeros(block, beside)
 
-    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> float:
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
         """Update a belief by a new reading of the temperature sensors, if there is one.
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
-        determine the temperature of the film, or if no change of the rate explains it, it shows only that the sensors
-        differ from their model, and is weighted down. Return the reading less the expected one [K], NaN without one.
+        determine the temperature of the film, it may have warmed since before the start. If neither explains it, it
+        shows only that the sensors differ from their model, and is weighted down.
         """
         if math.isnan(block.reading):
-            return math.nan
+            return
         variance = block.reading_variance
-        innovation, _, total = f.temperature_innovation(block.reading, variance)
-        apart = innovation
+        innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising and not zeros:
             rate = min(abs(innovation) / block.interval, self._priors.fastest)
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
-            innovation, _, total = f.temperature_innovation(block.reading, variance)
+            innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
+            surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        if surprising and zeros:
+            f.admit(np.eye(COUNT)[Shared.EARLIER], (innovation / block.time) ** 2)
+            innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising:
             variance += (innovation / SURPRISING) ** 2
         # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
-        _, column, total = f.temperature_innovation(block.reading, variance)
+        _, column, total = f.temperature_innovation(block.reading, variance, block.time)
         variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
-        f.measure_temperature(block.reading, variance)
-        return float(apart)
-
-    def _observe_earlier_warming(self, block: Block) -> None:
-        """Compare the sensors with zeros that show no change of the film's temperature."""
-        if not self._settled and self.offset_known.all():
-            self._settled = True
-            if self._warms() and abs(float(self.belief.shared[Shared.RATE])) > WARM_UP:
-                self._admit_earlier_warming()
-        if self._adopted or math.isnan(self._apart):
-            return
-        usable = int(np.count_nonzero(~self.ignored))
-        blind = usable < UniformChange.FEWEST or not self._uniform.observable
-        if any_true(block.listed) or self._unheated is not None or self._warms() or blind:
-            self._earlier.reset()
-            return
-        if 2 * int(np.count_nonzero(block.touched & ~self.ignored)) > usable:
-            return
-        found = self._earlier.add(self._age, self._apart)
-        rate, variance = float(self.belief.shared[Shared.RATE]), float(self.belief.covariance[Shared.RATE, Shared.RATE])
-        if found and abs(found[0]) > abs(rate) + SURPRISING * math.sqrt(variance):
-            self._adopt_earlier_warming(block, *found)
-            self._adopted = True
-
-    def _warmed_earlier(self) -> Array:
-        """Return how the shared states change if the film had warmed by 1 K/s when the first scan came."""
-        warmer, sensor_lag = np.zeros(COUNT), self._dynamics.sensor_lag(self.belief.shared)
-        warmer[[Shared.RATE, Shared.DRIFT]] = 1.0, -self._mean_per_kelvin / self._integration.leak
-        # The sensors lag behind the chip.
-        warmer[[Shared.CHIP, Shared.FILM]] = sensor_lag, sensor_lag - self._film_lag
-        return warmer
-
-    def _admit_earlier_warming(self) -> None:
-        """Admit that a film which warms since the first scan has warmed before it, too: the sensors will tell."""
-        rate = float(self.belief.shared[Shared.RATE])
-        self._filter.admit(self._warmed_earlier(), (EARLIER_SHARE * rate) ** 2)
-        self.belief.slope[:, 1, Shared.DRIFT] = (self._per_kelvin / self._mean_per_kelvin - 1.0) / self._per_second()
-        self._blocks.clear()
-
-    def _adopt_earlier_warming(self, block: Block, rate: float, deviation: float) -> None:
-        """Take what all signals have in common in the offsets for the charge of a film that warms; no force changes."""
-        belief, mean = self.belief, self._mean_per_kelvin
-        warmer = self._warmed_earlier()
-        self._filter.restart_temperature(block.reading, belief.shared, start_covariance(self._priors))
-        self._filter.admit(warmer, deviation**2)
-        shared = belief.shared + rate * warmer
-        self._filter.belief = belief = Belief(shared, belief.covariance, belief.error, belief.slope, belief.own)
-        belief.error[:, 1] += (mean - self._per_kelvin) * rate / self._per_second()
-        belief.slope[:, 1, Shared.DRIFT] = (self._per_kelvin / mean - 1.0) / self._per_second()
-        everywhere = np.ones_like(self.ignored)
-        belief.know_force(everywhere, block.mean, block.response, block.noise)
-        self._blocks.clear()
+        f.measure_temperature(block.reading, variance, block.time)
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
         """Propagate a belief over a block; return the taxels beside a contact."""
@@ -1282,7 +1230,11 @@ class ForceEstimator:
         signal, belief = self._integration.signal, self.belief
         if not math.isnan(self._sensors):
             p = self._priors
-            self._filter.restart_temperature(self._sensors, start_mean(p), start_covariance(p))
+            mean, covariance = start_mean(p), start_covariance(p)
+            mean[Shared.EARLIER] = belief.shared[Shared.EARLIER]
+            covariance[Shared.EARLIER, Shared.EARLIER] = belief.covariance[Shared.EARLIER, Shared.EARLIER]
+            self._filter.restart_temperature(self._sensors, mean, covariance)
+            self._warmed_since = 0.0
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)

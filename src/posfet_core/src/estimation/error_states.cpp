@@ -49,6 +49,7 @@ SquareMatrix ErrorPriors::covariance() const {
   deviations[kSensor] = reading;
   deviations[kLag] = lag_spread;
   deviations[kScale] = scale;
+  deviations[kEarlier] = earlier;
   std::copy(bend.begin(), bend.end(), deviations.begin() + kBend);
   deviations[kLeak] = leak;
   deviations[kWarmth] = warmth;
@@ -69,7 +70,9 @@ SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
     variance /= kForget;
   }
   noise_[at(kRate, kRate)] = priors.rate_walk * priors.rate_walk;
-  noise_[at(kSensor, kSensor)] = noise_[at(kDrift, kDrift)] = noise_[at(kTail, kTail)] = 0.0;
+  for (const std::size_t state : {kSensor, kEarlier, kDrift, kTail}) {
+    noise_[at(state, state)] = 0.0;
+  }
   set_film_walk(priors.film_walk * priors.film_walk);
   transition_ = {std::vector<double>(kSharedStates), SquareMatrix(noise_.size()), SquareMatrix(noise_.size())};
   maneuver_.resize(kSharedStates);

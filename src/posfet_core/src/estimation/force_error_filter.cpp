@@ -298,25 +298,26 @@ void ForceErrorFilter::require_temperatures() const {
   }
 }
 
-TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, double variance) const {
+TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, double variance, double time) const {
   require_temperatures();
   const Belief& b = *belief_;
   const double scale = 1.0 + b.shared[kScale];
-  const double sensors = b.shared[kSensor];
+  const double sensors = b.shared[kSensor] + b.shared[kEarlier] * time;
   TemperatureInnovation found{reading - scale * sensors, Vector<double>(b.states()), variance};
   for (std::size_t state = 0; state < b.states(); ++state) {
     const double* row = b.covariance().data() + state * b.states();
-    found.column[state] = scale * row[kSensor] + sensors * row[kScale];
+    found.column[state] = scale * (row[kSensor] + row[kEarlier] * time) + sensors * row[kScale];
   }
-  found.variance += scale * found.column[kSensor] + sensors * found.column[kScale];
+  found.variance += scale * (found.column[kSensor] + found.column[kEarlier] * time) + sensors * found.column[kScale];
   return found;
 }
 
-void ForceErrorFilter::measure_temperature(double reading, double variance) {
-  const double innovation = temperature_innovation(reading, variance).innovation;
+void ForceErrorFilter::measure_temperature(double reading, double variance, double time) {
+  const double innovation = temperature_innovation(reading, variance, time).innovation;
   Vector<double> sensitivity(belief_->states(), 0.0);
   sensitivity[kSensor] = 1.0 + belief_->shared[kScale];
-  sensitivity[kScale] = belief_->shared[kSensor];
+  sensitivity[kEarlier] = sensitivity[kSensor] * time;
+  sensitivity[kScale] = belief_->shared[kSensor] + belief_->shared[kEarlier] * time;
   measure_shared(innovation, sensitivity.data(), variance);
 }
 

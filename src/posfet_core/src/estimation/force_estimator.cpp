@@ -303,7 +303,12 @@ void ForceEstimator::start(const double* charge) {
   ForceIntegration::State& s = state();
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
-    filter_.restart_temperature(sensors, priors_.mean().data(), priors_.covariance().data());
+    std::vector<double> mean = priors_.mean();
+    SquareMatrix covariance = priors_.covariance();
+    mean[kEarlier] = b.shared[kEarlier];
+    covariance[kEarlier * kSharedStates + kEarlier] = b.variance(kEarlier);
+    filter_.restart_temperature(sensors, mean.data(), covariance.data());
+    warmed_since_ = 0.0;
   }
   std::vector<double>& before = values_;
   std::vector<double>& remaining = noise_;
@@ -471,7 +476,6 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     step(blocks_.size() - 1);
   }
   listed_.set(block.listed.data());
-  observe_earlier_warming(block);
   observe_steady_force();
   release(block, listed_contacts);
   if (lower_bound_.mask().any()) {

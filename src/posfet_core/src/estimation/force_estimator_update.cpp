@@ -30,13 +30,6 @@ constexpr double kLargestLagStep = 0.5;
 /// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
 constexpr double kCorrelated = 50.0;
 
-/// Rate from which on a film warms up, as after its supply was switched on [K/s], assumed: not always as fast.
-constexpr double kWarmUp = 0.02;
-
-/// Rate at which a film that warms up may have warmed before the first scan, relative to its rate since then [1],
-/// assumed.
-constexpr double kEarlierShare = 0.3;
-
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
@@ -98,115 +91,42 @@ void ForceEstimator::step(std::size_t index) {
     variance = std::max(variance, jumps_.least_offset_variance(taxel));
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
-  apart_ = measure_temperature(filter_, block, zeros);
+  measure_temperature(filter_, block, zeros);
   measure_zeros(index);
 }
 
 /// Update a belief by a new reading of the temperature sensors, if there is one.
 ///
 /// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
-/// the temperature of the film, or if no change of the rate explains it, it shows only that the sensors differ from
-/// their model, and is weighted down. Returns the reading less the expected one [K]; NaN: none.
-double ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
+/// the temperature of the film, it may have warmed since before the start. If neither explains it, it shows only that
+/// the sensors differ from their model, and is weighted down.
+void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
   if (std::isnan(block.reading)) {
-    return kUnknown;
+    return;
   }
   double variance = block.reading_variance;
   const auto is_surprising = [](const TemperatureInnovation& found) {
     return square(found.innovation) > square(kSurprising) * found.variance;
   };
-  TemperatureInnovation found = filter.temperature_innovation(block.reading, variance);
-  const double apart = found.innovation;
+  TemperatureInnovation found = filter.temperature_innovation(block.reading, variance, block.time);
   if (is_surprising(found) && !zeros) {
     const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
-    found = filter.temperature_innovation(block.reading, variance);
+    found = filter.temperature_innovation(block.reading, variance, block.time);
+  }
+  if (is_surprising(found) && zeros) {
+    std::array<double, kSharedStates> earlier{};
+    earlier[kEarlier] = 1.0;
+    filter.admit(earlier.data(), square(found.innovation / block.time));
+    found = filter.temperature_innovation(block.reading, variance, block.time);
   }
   if (is_surprising(found)) {
     variance += square(found.innovation / kSurprising);
-    found = filter.temperature_innovation(block.reading, variance);
+    found = filter.temperature_innovation(block.reading, variance, block.time);
   }
   // The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
   variance += std::max(std::abs(found.innovation * found.column[kLag]) / kLargestLagStep - found.variance, 0.0);
-  filter.measure_temperature(block.reading, variance);
-  return apart;
-}
-
-/// Compare the sensors with zeros that show no change of the film's temperature.
-void ForceEstimator::observe_earlier_warming(const Block& block) {
-  if (!settled_ && offset_known().all()) {
-    settled_ = true;
-    if (warms() && std::abs(belief()->shared[kRate]) > kWarmUp) {
-      admit_earlier_warming();
-    }
-  }
-  if (adopted_ || std::isnan(apart_)) {
-    return;
-  }
-  if (block.listed.any() || unheated_ != nullptr || warms() || usable() < kFewestForUniform || !uniform_.observable()) {
-    earlier_.reset();
-    return;
-  }
-  if (touches_most(block)) {  // a touch that begins, not one taxel that is noisy, and those beside it
-    return;
-  }
-  const auto found = earlier_.add(integration_->block().age, apart_);
-  const double shown = std::abs(belief()->shared[kRate]) + kSurprising * std::sqrt(belief()->variance(kRate));
-  if (found && std::abs(found->rate) > shown) {
-    adopt_earlier_warming(block, *found);
-    adopted_ = true;
-  }
-}
-
-/// Whether most of the taxels that work are touched in a block.
-bool ForceEstimator::touches_most(const Block& block) const {
-  std::size_t touched = 0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    touched += block.touched[taxel] && !ignored()[taxel] ? 1 : 0;
-  }
-  return 2 * touched > usable();
-}
-
-/// How the shared states change if the film had warmed by 1 K/s when the first scan came: that charge counts as one of
-/// the offsets, and no force changes.
-std::array<double, kSharedStates> ForceEstimator::warmed_earlier() const {
-  std::array<double, kSharedStates> warmer{};
-  warmer[kRate] = 1.0;
-  warmer[kDrift] = -mean_per_kelvin_ / leak();
-  warmer[kChip] = SharedDynamics::sensor_lag(belief()->shared);
-  warmer[kFilm] = warmer[kChip] - array_.film_lag;
-  return warmer;
-}
-
-/// Admit that a film which warms since the first scan has warmed before it, too: the sensors will tell.
-void ForceEstimator::admit_earlier_warming() {
-  Belief& b = *belief();
-  filter_.admit(warmed_earlier().data(), square(kEarlierShare * b.shared[kRate]));
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double tau = present_time_constant(taxel);
-    b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
-  }
-  blocks_.clear();
-}
-
-/// Take what all signals have in common in the offsets for the charge of a film that warms [K/s]. No force changes.
-void ForceEstimator::adopt_earlier_warming(const Block& block, const FoundRate& found) {
-  Belief& b = *belief();
-  const std::array<double, kSharedStates> warmer = warmed_earlier();
-  std::array<double, kSharedStates> same{};  // lag and scale
-  std::copy(b.shared.begin(), b.shared.end(), same.begin());
-  filter_.restart_temperature(block.reading, same.data(), priors_.covariance().data());
-  filter_.admit(warmer.data(), square(found.deviation));
-  for (std::size_t state = 0; state < kSharedStates; ++state) {
-    b.shared[state] += warmer[state] * found.rate;
-  }
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double tau = present_time_constant(taxel);
-    b.error_of(taxel)[kOffset] += tau * (mean_per_kelvin_ - array_.newton_per_kelvin[taxel]) * found.rate;
-    b.slope_of(taxel, kOffset)[kDrift] = tau * (array_.newton_per_kelvin[taxel] / mean_per_kelvin_ - 1.0);
-    b.know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
-  }
-  blocks_.clear();
+  filter.measure_temperature(block.reading, variance, block.time);
 }
 
 /// Propagate a belief over a block; finds the taxels beside a contact.

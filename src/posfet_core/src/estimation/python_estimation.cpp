@@ -175,7 +175,7 @@ void bind_belief(const py::module_& module) {
           "Set the force errors of taxels to what they show [N], less what the shared states cause.");
   module.attr("OWN_STATES") = kOwnStates;
   module.attr("NEGLIGIBLE_CORRELATION") = kNegligibleCorrelation;
-  module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale);
+  module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale, kEarlier);
 }
 
 using BoundFilter = py::class_<ForceErrorFilter>;
@@ -275,14 +275,14 @@ void bind_updates(BoundFilter& bound) {
            "Update the masked taxels by residuals that say nothing about the shared states.")
       .def(
           "temperature_innovation",
-          [](const ForceErrorFilter& filter, double reading, double variance) {
-            const TemperatureInnovation found = filter.temperature_innovation(reading, variance);
+          [](const ForceErrorFilter& filter, double reading, double variance, double time) {
+            const TemperatureInnovation found = filter.temperature_innovation(reading, variance, time);
             return py::make_tuple(found.innovation, copy_of(found.column, {found.column.size()}), found.variance);
           },
-          py::arg("reading"), py::arg("variance"),
+          py::arg("reading"), py::arg("variance"), py::arg("time"),
           "Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].")
       .def("measure_temperature", &ForceErrorFilter::measure_temperature, py::arg("reading"), py::arg("variance"),
-           "Update by a reading of the temperature sensors.")
+           py::arg("time"), "Update by a reading of the temperature sensors.")
       .def(
           "measure_shared",
           [](ForceErrorFilter& filter, double innovation, const Values& sensitivity, double variance) {
@@ -460,7 +460,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 28> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 29> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -472,6 +472,7 @@ ErrorPriors priors_from(const py::object& priors) {
       {"lag_spread", &ErrorPriors::lag_spread},
       {"scale", &ErrorPriors::scale},
       {"reading", &ErrorPriors::reading},
+      {"earlier", &ErrorPriors::earlier},
       {"leak", &ErrorPriors::leak},
       {"tail", &ErrorPriors::tail},
       {"tail_spread", &ErrorPriors::tail_spread},

@@ -35,25 +35,28 @@ class Shared(IntEnum):
     """Natural logarithm of the time constant of the sensors' lag in seconds [1]."""
     SCALE = 5
     """Relative error of the sensors' scale [1]."""
-    BEND = 6
+    EARLIER = 6
+    """Rate at which the film has warmed since before the start, which no charge shows [K/s]: the temperatures above are
+    without it."""
+    BEND = 7
     """Charge of bending on every taxel, as a force per total force [1]."""
-    BEND_X = 7
+    BEND_X = 8
     """Its gradient: difference between the middle of the array and its edge in x [1]."""
-    BEND_Y = 8
+    BEND_Y = 9
     """The same in y [1]."""
-    BEND_MOMENT = 9
+    BEND_MOMENT = 10
     """The same as a force away from the middle causes it: a chip bends around the place that is pressed [1]."""
-    LEAK = 10
+    LEAK = 11
     """Relative error of the leak rates that all taxels have in common [1]."""
-    WARMTH = 11
+    WARMTH = 12
     """Temperature of the film of a touched taxel above the others [K]."""
-    WEAK_WARMTH = 12
+    WEAK_WARMTH = 13
     """The same beyond what is expected where the force is weak [K]."""
-    TAIL = 13
+    TAIL = 14
     """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
-    DRIFT = 14
+    DRIFT = 15
     """What the offsets of all taxels have in common, as a rate of the force errors [N/s]."""
-    CREEP = 15
+    CREEP = 16
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
@@ -114,6 +117,8 @@ class ErrorPriors:
     """the same with calibration, in which they were the scale of the film's temperature [1]."""
     reading: float = 4e-3
     """A reading of the temperature sensors: rounding and noise [K]."""
+    earlier: float = 0.002
+    """Rate at which the film has warmed since before the start [K/s]: readings soon show a higher one."""
     bend_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """Charge of bending as a force per total force, its gradients in x and y over half the array, and that of the
     moment, expected [1], and"""

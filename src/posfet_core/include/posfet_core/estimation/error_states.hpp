@@ -59,6 +59,7 @@ struct ErrorPriors {
   std::array<double, kLoops> loop_weights;
   double loop_slope;
   double pyroelectric;
+  double earlier;
   double drift;
   double offset_walk;
   double motion;

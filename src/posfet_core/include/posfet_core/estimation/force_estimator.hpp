@@ -25,7 +25,6 @@
 
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
-#include "posfet_core/estimation/earlier_warming.hpp"
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
@@ -192,11 +191,6 @@ private:
   void apply_clipped();
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   void start_over();
-  void observe_earlier_warming(const Block& block);
-  bool touches_most(const Block& block) const;
-  void admit_earlier_warming();
-  std::array<double, kSharedStates> warmed_earlier() const;
-  void adopt_earlier_warming(const Block& block, const FoundRate& found);
   void integrate(double time);
   void start_block();
   void restart(const TaxelFlags& where);
@@ -221,7 +215,7 @@ private:
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
-  double measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
+  void measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   void measure_zeros(std::size_t index);
   void find_slow_touches(const Block& block);
   void expect_small_forces(const Block& block);
@@ -264,7 +258,6 @@ private:
   ReleaseDetector release_;
   JumpNoise jumps_;
   TemperatureWalk walk_;
-  EarlierWarming earlier_;
   SteadyForce steady_force_;
   RestDetector rest_;
   NegativeForceMonitor negative_;
@@ -287,13 +280,11 @@ private:
   std::size_t recent_ = 0;
   ForceErrorFilter* unheated_ = nullptr;  ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
                                           ///< while that is open.
-  double apart_ = 0.0;          ///< Reading of the sensors less the expected one [K]; NaN: none in this block.
-  double farthest_ = 0.0;       ///< Greatest difference from the temperature of the calibration [K].
-  bool settled_ = false;        ///< Whether all offsets have been known.
-  bool adopted_ = false;        ///< Whether a rate of earlier warming has been found.
-  double expected_film_ = 0.0;  ///< Temperature of the film without any change of its rate [K],
-  double expected_rate_ = 0.0;  ///< which is this one [K/s].
-  double doubt_ = 0.0;          ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  double farthest_ = 0.0;                 ///< Greatest difference from the temperature of the calibration [K].
+  double warmed_since_ = 0.0;             ///< Time since the temperatures were zero, or set to a reading [s].
+  double expected_film_ = 0.0;            ///< Temperature of the film without any change of its rate [K],
+  double expected_rate_ = 0.0;            ///< which is this one [K/s].
+  double doubt_ = 0.0;                    ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].
