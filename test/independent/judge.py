@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import math
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -194,6 +194,26 @@ class Verdict:
         return bad
 
 
+def scans(sensor: Sensor, recording: Recording) -> Iterator[Scan]:
+    """Yield the scans of a recording; each overwrites the one before.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor file.
+    recording : Recording
+        What the board sent.
+    """
+    scan, period = Scan.empty(sensor.layout.id, sensor.layout.taxels), round(1e6 / sensor.can.scan_rate)
+    for row, number in enumerate(recording.index.tolist()):
+        scan.sequence = number
+        scan.device_time = 1_000_000 + number * period
+        scan.stamp = 1_700_000_000_000_000_000 + number * period * 1000
+        scan.counts[:] = recording.counts[row]
+        scan.temperatures[:] = recording.temperatures[row]
+        yield scan
+
+
 def play(sensor: Sensor, calibration: Calibration | None, scene: Scene, load: Load, recording: Recording) -> Verdict:
     """Return how well the model does on a recording.
 
@@ -216,19 +236,12 @@ def play(sensor: Sensor, calibration: Calibration | None, scene: Scene, load: Lo
         Measures.
     """
     reconstructor = Reconstructor(sensor, calibration)
-    scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
-    stride, period = 1 if scene.sharp else STRIDE, round(1e6 / sensor.can.scan_rate)
+    stride = 1 if scene.sharp else STRIDE
     listed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
     kept: list[int] = []
     forces, deviations, totals, total_deviations, valid = [], [], [], [], []
-    index = recording.index.tolist()
-    for row, number in enumerate(index):
-        scan.sequence = number
-        scan.device_time = 1_000_000 + number * period
-        scan.stamp = 1_700_000_000_000_000_000 + number * period * 1000
-        scan.counts[:] = recording.counts[row]
-        scan.temperatures[:] = recording.temperatures[row]
-        result = reconstructor.process(scan)
+    for row, scan in enumerate(scans(sensor, recording)):
+        result, number = reconstructor.process(scan), scan.sequence
         if row % stride or not result.accepted:
             continue
         image = reconstructor.image()

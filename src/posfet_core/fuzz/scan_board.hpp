@@ -78,7 +78,7 @@ inline ErrorPriors priors() {
   given.loop_weights = {-0.01, -0.02, -0.01};
   given.loop_slope = -0.025;
   given.pyroelectric = 0.1;
-  given.earlier = 0.03;
+  given.earlier = 0.002;
   given.drift = 2e-4;
   given.offset_walk = 1e-5;
   given.motion = 0.01;

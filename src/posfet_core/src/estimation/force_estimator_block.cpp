@@ -134,16 +134,21 @@ void ForceEstimator::measure_touch(Block& block) {
   block.warming = touch_.warming();
 }
 
+/// Force of a touched taxel, but for its noise [N]; none of the others.
+double ForceEstimator::held_force(const Block& block, std::size_t taxel) const {
+  return block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+}
+
 /// Find the share of the force that has moved from taxel to taxel within a block [1].
 double ForceEstimator::find_moved_share(const Block& block) {
   double total = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    total += block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    total += held_force(block, taxel);
   }
   double before = 0.0;
   double moved = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    const double held = held_force(block, taxel);
     const double share = total > 0.0 ? held / total : 0.0;
     // With a play, as a tremor changes shares, too: those of weak forces lag behind.
     const double now = std::min(std::max(share_[taxel], share - kSharePlay), share + kSharePlay);
@@ -173,7 +178,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
-    const double held = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    const double held = held_force(block, taxel);
     const double tail = block.tail[taxel];
     const double leaked = scans_square * square(block.leak / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
@@ -243,7 +248,7 @@ void ForceEstimator::observe_rest(bool listed) {
     // A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
     std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
-    filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / integration_->block().age);
+    filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / age());
   }
   dynamics_.set_film_walk(walk_.intensity());
 }

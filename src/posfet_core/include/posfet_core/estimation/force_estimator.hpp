@@ -200,6 +200,7 @@ private:
   void measure(Block& block);
   void measure_touch(Block& block);
   void find_tails(Block& block);
+  double held_force(const Block& block, std::size_t taxel) const;
   double find_moved_share(const Block& block);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
