@@ -114,6 +114,22 @@ def test_two_newton_held_for_20_s_stay_within_the_uncertainty_and_1_percent() ->
     assert all(watch.valid[300:])
 
 
+def test_a_hold_that_fluctuates_is_not_valid_once_its_deviation_passes_the_limit() -> None:
+    # Within a block of 20 ms the force falls by 0.2 %, and its noise is 0.1 %; within 0.16 s it falls by 1.6 %.
+    limit, watch, beyond, seen = 0.16, Watch(max_relative_uncertainty=0.16), [], set()
+
+    def force(time: float) -> float:
+        return float(np.clip((time - 1.0) / 0.1, 0.0, 1.0)) * (2.0 + 0.1 * math.sin(2.0 * time))
+
+    for time, scan in scans(SENSOR, 20.0, force=force, shape=PATCH):
+        total = float(watch.process(time, scan).sum())
+        if time > 1.5:
+            seen.add(watch.valid[-1])
+            beyond.append(watch.valid[-1] and watch.total_deviation() > 1.005 * limit * total)
+    assert seen == {False, True}
+    assert not any(beyond)
+
+
 def test_the_uncertainty_grows_while_held_and_recovers_after_the_release() -> None:
     watch, seen = Watch(), {}
     for time, scan in scans(SENSOR, 6.0, force=press(1.0, 1.0, 5.0), shape=PATCH):

@@ -141,6 +141,9 @@ PLAY: Final = 4.0
 SHARE_PLAY: Final = 2e-3
 """Greatest change of a taxel's share of the force that is no motion [1]."""
 
+RELEASING: Final = 0.9
+"""Share of the greatest force of the last blocks below which the force falls as in a release [1]."""
+
 BRIEF: Final = 2.0
 """By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
 response [1]; assumed."""
@@ -224,8 +227,8 @@ class ForceEstimator:
     calibration : Calibration, optional
         Properties of each taxel; None: nominal ones from the description.
     max_relative_uncertainty : float, default 0.2
-        Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
-        are not valid [1].
+        Standard deviation of the total force over that force, above which the forces are not valid [1]; while the force
+        falls, over its greatest value of the last 0.16 s.
     """
 
     touch_at_start: bool = False
@@ -1183,7 +1186,7 @@ class ForceEstimator:
         counted = ~self.ignored | self.informative
         touched = self._touched & counted
         any_touched = any_true(touched)
-        self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
+        self._recent_force.append(abs(float(self.force[counted].sum())))
         if self.touch_at_start and not self._zero_known:
             return False
         if self._recovering > 0.0 or not sound.all():
@@ -1195,8 +1198,10 @@ class ForceEstimator:
         if abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH:
             return False
         variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
-        greatest = max(self._recent_force)  # a release makes the force small before it is found
-        return math.sqrt(variance) <= max(self.max_relative_uncertainty * greatest, LEAST_DEVIATION * self._threshold)
+        greatest, present = max(self._recent_force), self._recent_force[-1]
+        noise = math.sqrt(float(self._noise_variance[counted].sum()))
+        force = greatest if present < RELEASING * greatest else present - SURPRISING * noise  # a release
+        return math.sqrt(variance) <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
 
     def _confirm_offsets(self, duration: float) -> None:
         """Mark offsets as known once the array has been still."""

@@ -29,6 +29,9 @@ constexpr double kGreatestWarmth = 0.08;
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
 constexpr double kBeyondRange = 1.25;
 
+/// Share of the greatest force of the last blocks below which the force falls as in a release [1].
+constexpr double kReleasing = 0.9;
+
 /// Change of the gain per force on a taxel [1/N], assumed: with the preload of the film, the charge per small force
 /// grows by up to two per cent per newton, half of which counts for the force itself.
 constexpr double kNonlinearity = 0.01;
@@ -181,7 +184,7 @@ void ForceEstimator::set_covariance(const Block& block) {
 bool ForceEstimator::is_valid() {
   bool sound = true;
   bool may_touch = std::abs(doubt_) > negligible_;
-  double touching = 0.0;
+  double total = 0.0;
   double warmed = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     warmed += std::abs(array_.newton_per_kelvin[taxel] * belief()->shared[kWarmth] * touch_.warm()[taxel]);
@@ -189,12 +192,10 @@ bool ForceEstimator::is_valid() {
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
     chosen_[taxel] = !ignored()[taxel] || informative_[taxel];
-    if (touched_[taxel] && chosen_[taxel]) {
-      may_touch = true;
-      touching += force()[taxel];
-    }
+    may_touch = may_touch || (touched_[taxel] && chosen_[taxel]);
+    total += chosen_[taxel] ? force()[taxel] : 0.0;
   }
-  recent_force_[recent_] = std::abs(touching);
+  recent_force_[recent_] = std::abs(total);
   recent_ = (recent_ + 1) % recent_force_.size();
   may_touch = may_touch || warmed > kLeastDeviation * array_.threshold;
   const bool unknown_zero = touch_at_start && !zero_known_;
@@ -210,10 +211,12 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
     return false;
   }
   double variance = 0.0;
+  double noise = 0.0;
   std::array<double, kCauses> shared{};
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (counted[taxel]) {
       variance += own_[taxel];
+      noise += noise_variance_[taxel];
       for (std::size_t cause = 0; cause < kCauses; ++cause) {
         shared[cause] += state().correlated_error[taxel * kCauses + cause];
       }
@@ -222,7 +225,9 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
   variance += dot(shared.data(), shared.data(), kCauses);
   // A release makes the force small before it is found.
   const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
-  return std::sqrt(variance) <= std::max(max_relative_uncertainty * greatest, kLeastDeviation * array_.threshold);
+  const double present = recent_force_[(recent_ + recent_force_.size() - 1) % recent_force_.size()];
+  const double force = present < kReleasing * greatest ? greatest : present - kSurprising * std::sqrt(noise);
+  return std::sqrt(variance) <= std::max(max_relative_uncertainty * force, kLeastDeviation * array_.threshold);
 }
 
 /// Mark offsets as known once the array has been still.

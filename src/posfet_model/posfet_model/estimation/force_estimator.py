@@ -52,8 +52,8 @@ class ForceEstimator(scan_path.ForceEstimator):
     calibration : Calibration, optional
         Properties of each taxel; None: nominal ones from the description.
     max_relative_uncertainty : float, default 0.2
-        Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
-        are not valid [1].
+        Standard deviation of the total force over that force, above which the forces are not valid [1]; while the force
+        falls, over its greatest value of the last 0.16 s.
     """
 
     def __init__(

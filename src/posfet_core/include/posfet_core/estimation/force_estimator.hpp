@@ -164,8 +164,8 @@ public:
   /// written into `change` [N]; 0 for ignored taxels.
   void tare(bool forced, double* change);
 
-  /// Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
-  /// are not valid [1]; may change.
+  /// Standard deviation of the total force over that force, above which the forces are not valid [1]; while the force
+  /// falls, over its greatest value of the last 0.16 s. May change.
   double max_relative_uncertainty = kMaxRelativeUncertainty;
 
   /// Whether something may touch the array when it starts: forces are not valid until a release or a forced tare shows
