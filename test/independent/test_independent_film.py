@@ -14,8 +14,8 @@ the rows and scenes in which the model meets them: nothing else of the table is 
 Not met on board 1 with the cover `gauss`:
 
 - none: `ridged`, `rolling` and `grasp` are wrong by 0.7 to 1.4 % in place of 0.5.
-- moderate: `ridged` is wrong by 8 %, and a third of its scans mislead. Ridges cover the array but for a column, for
-  twelve seconds, two seconds after the start: until then the sensors tell their own rate to 1 mK/s.
+- moderate: `ridged` is wrong by 6.4 %, and 17 % of its scans mislead. Ridges cover the array but for a column, for
+  twelve seconds, two seconds after the start: until then the sensors tell their own rate to 1 or 2 mK/s.
 - Objects that warm the film by 0.1 K, if the stand does not: most of the total forces mislead. If they warm it by
   30 mK, 2.4 % do in place of 1.
 - Objects that warm the film by 0.1 K, on the stand too: forces are almost never valid.
@@ -200,6 +200,14 @@ def test_pads_are_measured_while_the_chip_drifts_by_2_kelvin_a_minute(scene: str
     board, calibration = calibrated("drift", BOARD, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()[scene])
     assert not verdict.failures(Limits(2.0, 90.0, 1.0)), verdict
+
+
+@pytest.mark.slow
+def test_ridges_on_the_whole_array_are_measured_soon_after_the_start() -> None:
+    # The error of the first temperature reading was a warming since before it: 15 % wrong, 62 % of the scans misled.
+    board, calibration = calibrated("moderate", 2, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["ridged"])
+    assert not verdict.failures(rows()["moderate"].scenes["ridged"]), verdict
 
 
 # The plant itself

@@ -381,14 +381,19 @@ class ForceErrorFilter:
         time : float
             Time since the temperatures were zero [s].
         """
-        b = self.belief
-        scale = 1.0 + b.shared[Shared.SCALE]
-        sensors = b.shared[Shared.SENSOR] + b.shared[Shared.EARLIER] * time
-        seen = b.covariance[:, Shared.SENSOR] + b.covariance[:, Shared.EARLIER] * time
-        column = scale * seen + sensors * b.covariance[:, Shared.SCALE]
-        seen_twice = column[Shared.SENSOR] + column[Shared.EARLIER] * time
-        total = float(scale * seen_twice + sensors * column[Shared.SCALE]) + variance
-        return float(reading - scale * sensors), column, total
+        sensitivity = self._reading_sensitivity(time)
+        column = self.belief.covariance @ sensitivity
+        expected = (1.0 + self.belief.shared[Shared.SCALE]) * sensitivity[Shared.SCALE]
+        return float(reading - expected), column, float(sensitivity @ column) + variance
+
+    def _reading_sensitivity(self, time: float) -> Array:
+        """Return the derivatives of a reading, (1 + scale) (S + zero + U0 t), with respect to the shared states."""
+        shared = self.belief.shared
+        sensitivity = np.zeros(len(shared))
+        sensitivity[[Shared.SENSOR, Shared.ZERO]] = 1.0 + shared[Shared.SCALE]
+        sensitivity[Shared.EARLIER] = sensitivity[Shared.SENSOR] * time
+        sensitivity[Shared.SCALE] = shared[Shared.SENSOR] + shared[Shared.EARLIER] * time + shared[Shared.ZERO]
+        return sensitivity
 
     def measure_temperature(self, reading: float, variance: float, time: float) -> None:
         """Update by a reading of the temperature sensors.
@@ -402,12 +407,8 @@ class ForceErrorFilter:
         time : float
             Time since the temperatures were zero [s].
         """
-        sensitivity = np.zeros(len(self.belief.shared))
-        sensitivity[Shared.SENSOR] = 1.0 + self.belief.shared[Shared.SCALE]
-        sensitivity[Shared.EARLIER] = sensitivity[Shared.SENSOR] * time
-        sensitivity[Shared.SCALE] = self.belief.shared[Shared.SENSOR] + self.belief.shared[Shared.EARLIER] * time
         innovation = self.temperature_innovation(reading, variance, time)[0]
-        self.measure_shared(innovation, sensitivity, variance)
+        self.measure_shared(innovation, self._reading_sensitivity(time), variance)
 
     def measure_shared(self, innovation: float, sensitivity: Array, variance: float) -> None:
         """Update by a measurement of the shared states alone.
@@ -448,7 +449,7 @@ class ForceErrorFilter:
         b = self.belief
         b.own += b.slope @ b.covariance @ b.slope.transpose(0, 2, 1)
         b.slope[:] = 0.0
-        again = list(range(Shared.EARLIER + 1))
+        again = list(range(Shared.ZERO + 1))
         b.shared[again] = shared[again]
         b.covariance = b.covariance.copy()
         b.covariance[again] = b.covariance[:, again] = 0.0

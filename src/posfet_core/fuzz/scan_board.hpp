@@ -56,7 +56,7 @@ inline ErrorPriors priors() {
   given.lag = 0.4;
   given.lag_spread = 0.8;
   given.scale = 0.04;
-  given.reading = 4e-3;
+  given.reading = 3.5e-3;
   given.bend_mean = {0.0, 0.0, 0.0, 0.0};
   given.bend = {3e-3, 1.5e-3, 1.5e-3, 1.5e-3};
   given.leak = 0.1;
@@ -78,7 +78,7 @@ inline ErrorPriors priors() {
   given.loop_weights = {-0.01, -0.02, -0.01};
   given.loop_slope = -0.025;
   given.pyroelectric = 0.1;
-  given.earlier = 0.002;
+  given.earlier = 3.5e-3;
   given.drift = 2e-4;
   given.offset_walk = 1e-5;
   given.motion = 0.01;

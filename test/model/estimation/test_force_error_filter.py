@@ -354,12 +354,17 @@ TIME = 3.0
 
 
 def temperature_row(belief: Belief, size: int) -> Array:
-    """Return the derivative of a reading, (1 + scale)*(sensors + earlier*time), with respect to all states."""
+    """Return the derivative of a reading, (1 + scale)*(sensors + zero + earlier*time), with respect to all states."""
     row = np.zeros((1, size))
-    row[0, Shared.SENSOR] = 1.0 + belief.shared[Shared.SCALE]
+    row[0, Shared.SENSOR] = row[0, Shared.ZERO] = 1.0 + belief.shared[Shared.SCALE]
     row[0, Shared.EARLIER] = row[0, Shared.SENSOR] * TIME
-    row[0, Shared.SCALE] = belief.shared[Shared.SENSOR] + belief.shared[Shared.EARLIER] * TIME
+    row[0, Shared.SCALE] = shown_by_sensors(belief.shared)
     return row
+
+
+def shown_by_sensors(shared: Array) -> float:
+    """Return what sensors of the right scale would show [K]."""
+    return float(shared[Shared.SENSOR] + shared[Shared.ZERO] + shared[Shared.EARLIER] * TIME)
 
 
 def test_a_temperature_reading_updates_all_states_like_the_dense_filter() -> None:
@@ -367,7 +372,7 @@ def test_a_temperature_reading_updates_all_states_like_the_dense_filter() -> Non
     for _ in range(10):
         belief = random_belief(random, COUNT, 4)
         dense, shared = as_dense(belief), belief.shared
-        expected = (1.0 + shared[Shared.SCALE]) * (shared[Shared.SENSOR] + shared[Shared.EARLIER] * TIME)
+        expected = (1.0 + shared[Shared.SCALE]) * shown_by_sensors(shared)
         row = temperature_row(belief, len(dense.mean))
         reading = expected + 0.7
         innovation, _, variance = ForceErrorFilter(belief).temperature_innovation(reading, 0.3, TIME)

@@ -33,12 +33,12 @@ def start_belief(taxels: int, shared: Array, covariance: Array) -> scan_path.Bel
 def start_covariance(priors: ErrorPriors) -> Array:
     """Return the covariance of the shared states at the start, shape [COUNT, COUNT]."""
     deviations = np.zeros(COUNT)
-    deviations[[Shared.CHIP, Shared.FILM]] = NEGLIGIBLE
+    deviations[[Shared.CHIP, Shared.FILM, Shared.SENSOR]] = NEGLIGIBLE
     deviations[Shared.RATE] = priors.rate
-    deviations[Shared.SENSOR] = priors.reading
     deviations[Shared.LAG] = priors.lag_spread
     deviations[Shared.SCALE] = priors.scale
     deviations[Shared.EARLIER] = priors.earlier
+    deviations[Shared.ZERO] = priors.reading
     deviations[Shared.BEND : Shared.BEND + BENDS] = priors.bend
     deviations[Shared.LEAK] = priors.leak
     deviations[Shared.WARMTH] = priors.warmth
@@ -86,7 +86,7 @@ class SharedDynamics:
         self._rate_change, self._slow_rate = priors.rate_change, priors.slow_rate
         rates = np.diag(start_covariance(priors)).copy() / self.FORGET
         rates[Shared.RATE] = priors.rate_walk**2
-        rates[[Shared.SENSOR, Shared.EARLIER, Shared.DRIFT, Shared.TAIL]] = 0.0
+        rates[[Shared.SENSOR, Shared.EARLIER, Shared.ZERO, Shared.DRIFT, Shared.TAIL]] = 0.0
         self._noise = np.diag(rates)
         self._duration, self._matrix = math.nan, np.eye(COUNT)
         self.set_film_walk(priors.film_walk**2)

@@ -863,8 +863,10 @@ class ForceEstimator:
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        if surprising and zeros:
-            f.admit(np.eye(COUNT)[Shared.EARLIER], (innovation / block.time) ** 2)
+        if surprising and zeros and self._uniform.observable:
+            direction = np.eye(COUNT)[Shared.EARLIER]
+            direction[Shared.ZERO] = -0.5 * block.time  # half of what was missed has counted as an error of the zero
+            f.admit(direction, min(2.0 * abs(innovation) / block.time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising:
@@ -1240,6 +1242,7 @@ class ForceEstimator:
             covariance[Shared.EARLIER, Shared.EARLIER] = belief.covariance[Shared.EARLIER, Shared.EARLIER]
             self._filter.restart_temperature(self._sensors, mean, covariance)
             self._warmed_since = 0.0
+            self._unread, self._reading = 0.0, math.nan  # it says what these temperatures are, and nothing else
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)

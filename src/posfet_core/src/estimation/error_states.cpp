@@ -44,12 +44,12 @@ std::vector<double> ErrorPriors::mean() const {
 
 SquareMatrix ErrorPriors::covariance() const {
   std::vector<double> deviations(kSharedStates, 0.0);
-  deviations[kChip] = deviations[kFilm] = kNegligibleTemperature;
+  deviations[kChip] = deviations[kFilm] = deviations[kSensor] = kNegligibleTemperature;
   deviations[kRate] = rate;
-  deviations[kSensor] = reading;
   deviations[kLag] = lag_spread;
   deviations[kScale] = scale;
   deviations[kEarlier] = earlier;
+  deviations[kZero] = reading;
   std::copy(bend.begin(), bend.end(), deviations.begin() + kBend);
   deviations[kLeak] = leak;
   deviations[kWarmth] = warmth;
@@ -70,7 +70,7 @@ SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
     variance /= kForget;
   }
   noise_[at(kRate, kRate)] = priors.rate_walk * priors.rate_walk;
-  for (const std::size_t state : {kSensor, kEarlier, kDrift, kTail}) {
+  for (const std::size_t state : {kSensor, kEarlier, kZero, kDrift, kTail}) {
     noise_[at(state, state)] = 0.0;
   }
   set_film_walk(priors.film_walk * priors.film_walk);

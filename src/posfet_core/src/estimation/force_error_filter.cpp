@@ -302,23 +302,20 @@ TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, d
   require_temperatures();
   const Belief& b = *belief_;
   const double scale = 1.0 + b.shared[kScale];
-  const double sensors = b.shared[kSensor] + b.shared[kEarlier] * time;
-  TemperatureInnovation found{reading - scale * sensors, Vector<double>(b.states()), variance};
-  for (std::size_t state = 0; state < b.states(); ++state) {
-    const double* row = b.covariance().data() + state * b.states();
-    found.column[state] = scale * (row[kSensor] + row[kEarlier] * time) + sensors * row[kScale];
-  }
-  found.variance += scale * (found.column[kSensor] + found.column[kEarlier] * time) + sensors * found.column[kScale];
+  const double sensors = b.shared[kSensor] + b.shared[kEarlier] * time + b.shared[kZero];
+  TemperatureInnovation found{reading - scale * sensors, Vector<double>(b.states(), 0.0), Vector<double>(b.states()),
+                              variance};
+  found.sensitivity[kSensor] = found.sensitivity[kZero] = scale;
+  found.sensitivity[kEarlier] = scale * time;
+  found.sensitivity[kScale] = sensors;
+  multiply(found.sensitivity.data(), b.covariance().data(), found.column.data(), 1, b.states(), b.states());
+  found.variance += dot(found.sensitivity.data(), found.column.data(), b.states());
   return found;
 }
 
 void ForceErrorFilter::measure_temperature(double reading, double variance, double time) {
-  const double innovation = temperature_innovation(reading, variance, time).innovation;
-  Vector<double> sensitivity(belief_->states(), 0.0);
-  sensitivity[kSensor] = 1.0 + belief_->shared[kScale];
-  sensitivity[kEarlier] = sensitivity[kSensor] * time;
-  sensitivity[kScale] = belief_->shared[kSensor] + belief_->shared[kEarlier] * time;
-  measure_shared(innovation, sensitivity.data(), variance);
+  const TemperatureInnovation found = temperature_innovation(reading, variance, time);
+  measure_shared(found.innovation, found.sensitivity.data(), variance);
 }
 
 void ForceErrorFilter::measure_shared(double innovation, const double* sensitivity, double variance) {

@@ -303,6 +303,8 @@ void ForceEstimator::start(const double* charge) {
   ForceIntegration::State& s = state();
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
+    integration_->block().reading = kUnknown;  // it says what these temperatures are, and nothing else
+    unread_ = 0.0;
     std::vector<double> mean = priors_.mean();
     SquareMatrix covariance = priors_.covariance();
     mean[kEarlier] = b.shared[kEarlier];

@@ -329,8 +329,8 @@ void ForceEstimator::observe_steady_force() {
     return;
   }
   std::array<double, kSharedStates> spread{};
-  multiply(found->sensitivity.data(), b.covariance().data(), spread.data(), 1, kSharedStates, kSharedStates);
-  const double expected = dot(spread.data(), found->sensitivity.data(), kSharedStates) + found->variance;
+  multiply(found->sensitivity.data(), b.covariance().data(), spread.data(), 1, b.states(), b.states());
+  const double expected = dot(spread.data(), found->sensitivity.data(), b.states()) + found->variance;
   if (square(found->innovation) < square(kSurprising) * expected) {
     filter_.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
   }

@@ -114,10 +114,11 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
     found = filter.temperature_innovation(block.reading, variance, block.time);
   }
-  if (is_surprising(found) && zeros) {
+  if (is_surprising(found) && zeros && uniform_.observable()) {
     std::array<double, kSharedStates> earlier{};
     earlier[kEarlier] = 1.0;
-    filter.admit(earlier.data(), square(found.innovation / block.time));
+    earlier[kZero] = -0.5 * block.time;  // half of what was missed until now has counted as an error of the zero
+    filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.time, priors_.rate)));
     found = filter.temperature_innovation(block.reading, variance, block.time);
   }
   if (is_surprising(found)) {

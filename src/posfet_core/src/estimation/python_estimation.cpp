@@ -175,7 +175,7 @@ void bind_belief(const py::module_& module) {
           "Set the force errors of taxels to what they show [N], less what the shared states cause.");
   module.attr("OWN_STATES") = kOwnStates;
   module.attr("NEGLIGIBLE_CORRELATION") = kNegligibleCorrelation;
-  module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale, kEarlier);
+  module.attr("THERMAL_STATES") = py::make_tuple(kChip, kRate, kFilm, kSensor, kLag, kScale, kEarlier, kZero);
 }
 
 using BoundFilter = py::class_<ForceErrorFilter>;

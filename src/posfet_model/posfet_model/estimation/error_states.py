@@ -38,25 +38,27 @@ class Shared(IntEnum):
     EARLIER = 6
     """Rate at which the film has warmed since before the start, which no charge shows [K/s]: the temperatures above are
     without it."""
-    BEND = 7
+    ZERO = 7
+    """Error of the first reading of the sensors, which says what zero is [K]."""
+    BEND = 8
     """Charge of bending on every taxel, as a force per total force [1]."""
-    BEND_X = 8
+    BEND_X = 9
     """Its gradient: difference between the middle of the array and its edge in x [1]."""
-    BEND_Y = 9
+    BEND_Y = 10
     """The same in y [1]."""
-    BEND_MOMENT = 10
+    BEND_MOMENT = 11
     """The same as a force away from the middle causes it: a chip bends around the place that is pressed [1]."""
-    LEAK = 11
+    LEAK = 12
     """Relative error of the leak rates that all taxels have in common [1]."""
-    WARMTH = 12
+    WARMTH = 13
     """Temperature of the film of a touched taxel above the others [K]."""
-    WEAK_WARMTH = 13
+    WEAK_WARMTH = 14
     """The same beyond what is expected where the force is weak [K]."""
-    TAIL = 14
+    TAIL = 15
     """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
-    DRIFT = 15
+    DRIFT = 16
     """What the offsets of all taxels have in common, as a rate of the force errors [N/s]."""
-    CREEP = 16
+    CREEP = 17
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
@@ -115,9 +117,9 @@ class ErrorPriors:
     """Scale of the temperature sensors [1], and"""
     scale_calibrated: float = 0.015
     """the same with calibration, in which they were the scale of the film's temperature [1]."""
-    reading: float = 4e-3
+    reading: float = 3.5e-3
     """A reading of the temperature sensors: rounding and noise [K]."""
-    earlier: float = 0.002
+    earlier: float = 3.5e-3
     """Rate at which the film has warmed since before the start [K/s]: readings soon show a higher one."""
     bend_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """Charge of bending as a force per total force, its gradients in x and y over half the array, and that of the

@@ -24,9 +24,10 @@ namespace posfet {
 
 /// Expectation of a reading of the temperature sensors.
 struct TemperatureInnovation {
-  double innovation;      ///< Reading less expectation [K].
-  Vector<double> column;  ///< Covariance of the reading with the shared states.
-  double variance;        ///< Variance of the innovation [K2].
+  double innovation;           ///< Reading less expectation [K].
+  Vector<double> sensitivity;  ///< Of the reading to the shared states.
+  Vector<double> column;       ///< Covariance of the reading with the shared states.
+  double variance;             ///< Variance of the innovation [K2].
 };
 
 /// Process noise and transition over a block, of the shared states and of each taxel.
