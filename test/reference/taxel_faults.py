@@ -58,7 +58,7 @@ class TaxelFaultSettings:
     """Time after which a taxel without response under load is dead, and one that alone is at the end of its range is
     stuck [s]."""
     recovery: float = 1.0
-    """Time without fault after which a stuck or noisy taxel is usable again [s]."""
+    """Time without fault, while nothing touches, after which a taxel is usable again [s]."""
     noisy: float = 3.0
     """Noise of a noisy taxel over that of the others [1]."""
     quiet: float = 2.0
@@ -209,6 +209,7 @@ class TaxelFaultDetector:
         """
         self._elapsed += duration
         self._touched |= touched
+        touches = any_true(self._touched)
         self._test_levels(duration)
         stuck, changed = self._test_runs(duration, charge, saturated)
         stuck |= self._alone_for >= self._settings.confirm
@@ -222,10 +223,9 @@ class TaxelFaultDetector:
         s, status, dead, telegraph = self._settings, self.status, self._dead, self._telegraph.found
         noisy = self._noisy | telegraph
         if self.any_faulty or any_true(stuck | noisy | dead):
-            sound = np.where(status == _STUCK, changed & self._calm, self._calm & ~telegraph)
-            self._quiet_for = np.where(sound, self._quiet_for + duration, 0.0)
-            back = (status == _DEAD) & (self._alive | stuck | noisy)
-            back |= ((status == _STUCK) | (status == _NOISY)) & (self._quiet_for >= s.recovery)
+            sound = self._calm & np.select([status == _STUCK, status == _DEAD], [changed, self._alive], ~telegraph)
+            self._quiet_for = np.where(sound & ~touches, self._quiet_for + duration, 0.0)
+            back = (status == _DEAD) & (stuck | noisy) | (self._quiet_for >= s.recovery)
             status[back] = _OK
             status[noisy & (status == _OK) | telegraph & (status == _STUCK) & changed] = _NOISY
             status[dead & (status == _OK)] = _DEAD
@@ -279,7 +279,7 @@ class TaxelFaultDetector:
         if len(block):
             variance = np.maximum(block.var(axis=0), self._noise) / len(block)
             sound = ~self.faulty | self._telegraph.found
-            self._telegraph.close_block(block.mean(axis=0), variance, sound, duration)
+            self._telegraph.close_block(block.mean(axis=0), variance, sound, duration, any_true(self._touched))
 
     def _test_runs(
         self, duration: float, charge: NDArray[np.float64], saturated: NDArray[np.bool_]
@@ -361,7 +361,7 @@ class TaxelFaultDetector:
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
         if not any_true(force >= load):
-            self._dead[:] = self._alive[:] = False
+            self._dead[:] = False
             return
         floor = np.maximum(self._informative, s.certainty * np.sqrt(variance))
         least = self.surroundings.lower_bound(force, self.faulty | ~offset_known, self._all, floor)
@@ -373,7 +373,6 @@ class TaxelFaultDetector:
             responding, self._responding_for + duration, np.where(silent, 0.0, self._responding_for)
         )
         self._dead, self._alive = self._silent_for >= s.confirm_dead, self._responding_for >= s.confirm_dead
-        self._responding_for[self._alive] = 0.0
 
     def _test_alone(
         self, force: NDArray[np.float64], variance: NDArray[np.float64], offset_known: NDArray[np.bool_]

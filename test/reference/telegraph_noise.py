@@ -52,7 +52,7 @@ class TelegraphDetector:
     """Tests the taxels of one array block by block. Signals are in one unit of the caller's choice.
 
     State variables per taxel: the present level and the one before, and the time on it [s]; the number of returns, and
-    the time since the last one [s]; means of the last blocks.
+    the time since the last one, and that but for touches [s]; means of the last blocks.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ class TelegraphDetector:
         self._skin = skin
         self._surroundings = surroundings
         self._level, self._before = np.full((2, taxels), np.nan)
-        self._returns, self._age, self._dwell = np.zeros((3, taxels))
+        self._returns, self._age, self._quiet, self._dwell = np.zeros((4, taxels))
         self._means = np.full((SPAN, taxels), np.nan)
         self.found = np.zeros(taxels, np.bool_)
         """Taxels with telegraph noise, shape [taxels]."""
 
-    def close_block(self, mean: Array, variance: Array, sound: Mask, duration: float) -> None:
+    def close_block(self, mean: Array, variance: Array, sound: Mask, duration: float, touched: bool) -> None:
         """Process a block.
 
         Parameters
@@ -91,8 +91,11 @@ class TelegraphDetector:
             Taxels without other faults.
         duration : float
             Duration of the block [s].
+        touched : bool
+            Whether something touches the array.
         """
         self._age += duration
+        self._quiet += 0.0 if touched else duration
         self._dwell += duration
         self._returns[self._age > MEMORY] = 0.0
         self._means[1:] = self._means[:-1]
@@ -107,7 +110,7 @@ class TelegraphDetector:
             self._before[new] = self._level[new]
             self._level[new] = mean[new]
             self._dwell[new] = 0.0
-        self.found = self._returns >= RETURNS
+        self.found = (self._returns >= RETURNS) | self.found & (self._quiet <= MEMORY)
 
     def _count_returns(self, mean: Array, variance: Array, sound: Mask, new: Mask) -> Mask:
         """Return which of the taxels on a new level have returned to the one before, without their neighbours."""
@@ -122,5 +125,5 @@ class TelegraphDetector:
         leaks = -step * np.expm1(-self._dwell / self._time_constant) > LEAKED * tolerance
         noise = AGREEING * np.sqrt(2.0 * variance)
         returned &= (contradicted | ~testable & leaks) & (around < NEIGHBOUR_STEP * step + noise)
-        self._age[returned] = 0.0
+        self._age[returned] = self._quiet[returned] = 0.0
         return returned

@@ -98,13 +98,14 @@ void bind_telegraph(const py::module_& module) {
       .def(
           "close_block",
           [](TelegraphDetector& detector, const Values& mean, const Values& variance, const Tested& sound,
-             double duration) {
+             double duration, bool touched) {
             const auto taxels = static_cast<Taxel>(detector.taxels());
             require_taxels(sound, taxels, "sound");
             detector.close_block(values_of(mean, taxels, "mean"), values_of(variance, taxels, "variance"), sound.data(),
-                                 duration);
+                                 duration, touched);
           },
-          py::arg("mean"), py::arg("variance"), py::arg("sound"), py::arg("duration"), "Process a block.")
+          py::arg("mean"), py::arg("variance"), py::arg("sound"), py::arg("duration"), py::arg("touched"),
+          "Process a block.")
       .def_property_readonly(
           "found", [](const py::object& self) { return view_of(self.cast<TelegraphDetector&>().found(), self); },
           "Taxels with telegraph noise.");

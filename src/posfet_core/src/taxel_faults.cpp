@@ -162,7 +162,7 @@ void TaxelFaultDetector::test_levels(double duration) {
     variance[taxel] = std::max(variance[taxel] / scans, noise_) / scans;
     flags_[taxel] = !faulty_[taxel] || telegraph_.found()[taxel];
   }
-  telegraph_.close_block(mean.data(), variance.data(), flags_.data(), duration);
+  telegraph_.close_block(mean.data(), variance.data(), flags_.data(), duration, any_touched_);
 }
 
 /// Find the stuck taxels, and the taxels whose counts changed in this block.
@@ -309,7 +309,6 @@ void TaxelFaultDetector::test_response(const double* force, const bool* offset_k
   const double load = kDeadLoad * figures_.threshold;
   if (!std::any_of(force, force + count, [load](double each) { return each >= load; })) {
     std::fill(dead_.data(), dead_.data() + count, false);
-    std::fill(alive_.data(), alive_.data() + count, false);
     return;
   }
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
@@ -326,9 +325,6 @@ void TaxelFaultDetector::test_response(const double* force, const bool* offset_k
     responding_for_[taxel] = lasted(responding_for_[taxel], responding, silent, elapsed_);
     dead_[taxel] = silent_for_[taxel] >= kConfirmDead;
     alive_[taxel] = responding_for_[taxel] >= kConfirmDead;
-    if (alive_[taxel]) {
-      responding_for_[taxel] = 0.0;
-    }
   }
 }
 
@@ -363,9 +359,7 @@ bool TaxelFaultDetector::update_status(double duration) {
   }
   bool different = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const bool sound =
-        calm_[taxel] && (status_[taxel] == TaxelStatus::kStuck ? changed_[taxel] : !telegraph_.found()[taxel]);
-    quiet_for_[taxel] = sound ? quiet_for_[taxel] + duration : 0.0;
+    quiet_for_[taxel] = is_sound(taxel) && !any_touched_ ? quiet_for_[taxel] + duration : 0.0;
     status_[taxel] = next_status(taxel);
     const bool faulty = status_[taxel] != TaxelStatus::kOk;
     different = different || faulty != faulty_[taxel];
@@ -373,6 +367,18 @@ bool TaxelFaultDetector::update_status(double duration) {
   }
   any_faulty_ = faulty_.any();
   return different;
+}
+
+/// Whether a taxel shows nothing more of its fault.
+bool TaxelFaultDetector::is_sound(std::size_t taxel) const {
+  switch (status_[taxel]) {
+    case TaxelStatus::kDead:
+      return calm_[taxel] && alive_[taxel];
+    case TaxelStatus::kStuck:
+      return calm_[taxel] && changed_[taxel];
+    default:
+      return calm_[taxel] && !telegraph_.found()[taxel];
+  }
 }
 
 TaxelStatus TaxelFaultDetector::next_status(std::size_t taxel) const {
@@ -385,8 +391,7 @@ TaxelStatus TaxelFaultDetector::next_status(std::size_t taxel) const {
   const bool telegraph = telegraph_.found()[taxel];
   const bool noisy = noisy_[taxel] || telegraph;
   TaxelStatus status = status_[taxel];
-  const bool recovered = status == TaxelStatus::kDead ? alive_[taxel] || noisy : quiet_for_[taxel] >= kRecovery;
-  if (recovered) {
+  if (quiet_for_[taxel] >= kRecovery || (noisy && status == TaxelStatus::kDead)) {
     status = TaxelStatus::kOk;
   }
   if ((noisy && status == TaxelStatus::kOk) || (telegraph && status == TaxelStatus::kStuck && changed_[taxel])) {

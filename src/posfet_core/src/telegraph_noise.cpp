@@ -24,6 +24,7 @@ TelegraphDetector::TelegraphDetector(const SkinResponse& skin, double time_const
       before_(level_),
       returns_(level_.size(), 0),
       age_(level_.size(), 0.0),
+      quiet_(level_.size(), 0.0),
       dwell_(level_.size(), 0.0),
       means_(kStepSpan * level_.size(), kUnknown),
       change_(level_.size(), 0.0),
@@ -32,7 +33,8 @@ TelegraphDetector::TelegraphDetector(const SkinResponse& skin, double time_const
       new_(level_.size()),
       found_(level_.size()) {}
 
-void TelegraphDetector::close_block(const double* mean, const double* variance, const bool* sound, double duration) {
+void TelegraphDetector::close_block(const double* mean, const double* variance, const bool* sound, double duration,
+                                    bool touched) {
   const std::size_t count = taxels();
   std::copy_backward(means_.begin(), means_.end() - static_cast<std::ptrdiff_t>(count), means_.end());
   std::copy(mean, mean + count, means_.begin());
@@ -40,6 +42,7 @@ void TelegraphDetector::close_block(const double* mean, const double* variance, 
   bool any_new = false;
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
     age_[taxel] += duration;
+    quiet_[taxel] += touched ? 0.0 : duration;
     dwell_[taxel] += duration;
     if (age_[taxel] > kReturnMemory) {
       returns_[taxel] = 0;
@@ -57,7 +60,7 @@ void TelegraphDetector::close_block(const double* mean, const double* variance, 
     find_returns(variance, sound);
   }
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
-    found_[taxel] = returns_[taxel] >= kReturns;
+    found_[taxel] = returns_[taxel] >= kReturns || (found_[taxel] && quiet_[taxel] <= kReturnMemory);
   }
 }
 
@@ -77,7 +80,7 @@ void TelegraphDetector::find_returns(const double* variance, const bool* sound) 
     }
     if (has_returned(taxel, sound)) {
       ++returns_[taxel];
-      age_[taxel] = 0.0;
+      age_[taxel] = quiet_[taxel] = 0.0;
     }
     before_[taxel] = level_[taxel];
     level_[taxel] = means_[taxel];

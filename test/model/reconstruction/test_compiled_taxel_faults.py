@@ -203,6 +203,6 @@ def test_telegraph_noise_is_found_as_by_the_reference(rows: int, cols: int, seed
         variance = random.uniform(0.2, 1.0, taxels)
         mean = touch + size * high * random.choice([1.0, 0.95, 0.85]) + 0.3 * random.normal(0.0, 1.0, taxels)
         sound, duration = random.random(taxels) < 0.98, random.choice([0.02, 0.02, 0.5])
-        compiled.close_block(mean, variance, sound, duration)
-        plain.close_block(mean, variance, sound, duration)
+        compiled.close_block(mean, variance, sound, duration, touch.any())
+        plain.close_block(mean, variance, sound, duration, touch.any())
         np.testing.assert_array_equal(compiled.found, plain.found)

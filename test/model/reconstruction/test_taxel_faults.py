@@ -108,6 +108,14 @@ def well(index: int, scan: Scan) -> None:
     """No fault."""
 
 
+def assert_force(results: list[Reconstruction], force: float) -> None:
+    """Assert that each of these scans is valid and has one contact, of that force within three deviations [N]."""
+    for result in results:
+        [contact] = result.contacts
+        assert result.valid
+        assert abs(contact.region.force - force) < 3.0 * math.sqrt(contact.region.force_variance)
+
+
 def standard_uncertainty(results: list[Reconstruction]) -> float:
     """Return the standard uncertainty of the force of the only contact in the last scan [N]."""
     [contact] = results[-1].contacts
@@ -287,6 +295,38 @@ def test_a_taxel_that_recovers_after_sticking_under_load_is_used_again() -> None
     assert statuses[2900][12] == TaxelStatus.OK
     assert results[-1].valid
     assert reconstructor.image().force[12] == pytest.approx(FINGER[12], abs=0.02)
+
+
+def test_a_taxel_that_no_longer_sticks_is_used_again_after_the_touch() -> None:
+    """It begins anew without a force, as nothing would tell it under the touch."""
+
+    def fault(index: int, scan: Scan) -> None:
+        if 600 <= index < 900:
+            scan.counts[12] = held[0]
+        else:
+            held[0] = int(scan.counts[12])
+
+    held = [0]
+    _, results, statuses = run(fault, 6.0, press(1.5, 0.5, 4.0))
+    assert {int(row[12]) for row in statuses[650:4000]} == {TaxelStatus.STUCK}
+    assert_force(results[1100:3990], 1.5)
+    assert statuses[-1][12] == TaxelStatus.OK
+    assert results[-1].valid
+
+
+def test_a_dead_taxel_that_responds_again_is_used_again_after_the_touch() -> None:
+    counts: list[int] = []
+
+    def fault(index: int, scan: Scan) -> None:
+        if 500 <= index < 4000:  # as if nothing touched it
+            scan.counts[12] = counts[index % 500]
+        counts.append(int(scan.counts[12]))
+
+    _, results, statuses = run(fault, 8.0, lambda t: press(1.5, 0.5, 1.5)(t) + press(1.5, 4.5, 6.0)(t))
+    assert {int(row[12]) for row in statuses[800:6000]} == {TaxelStatus.DEAD}
+    assert_force(results[4700:5990], 1.5)
+    assert statuses[-1][12] == TaxelStatus.OK
+    assert results[-1].valid
 
 
 def test_a_coarse_adc_with_constant_counts_is_not_stuck() -> None:

@@ -121,6 +121,18 @@ def test_a_taxel_recovers_from_telegraph_noise() -> None:
     assert statuses[-1][6] == TaxelStatus.OK
 
 
+def test_telegraph_noise_outlasts_a_touch_that_varies() -> None:
+    # Under such a force no level comes again. The taxel began anew, as if nothing touched: its force was missing.
+    def force(time: float) -> float:
+        return press(1.5, 4.0, 20.0)(time) * (1.0 + 0.3 * math.sin(3.0 * time))
+
+    results, statuses = run(Telegraph(12, 3e-3, 2), 21.5, force, sphere(0.0, 0.0, 6e-3, 1e6))
+    assert {int(row[12]) for row in statuses[4000:20000]} == {TaxelStatus.NOISY}
+    for index in range(4500, 20000):
+        [contact] = results[index].contacts
+        assert abs(contact.region.force - force(0.001 * index)) < 3.0 * math.sqrt(contact.region.force_variance)
+
+
 @pytest.mark.parametrize(
     "place",
     [

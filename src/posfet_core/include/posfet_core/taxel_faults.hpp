@@ -57,7 +57,7 @@ constexpr double kConfirm = 0.2;
 /// [s].
 constexpr double kConfirmDead = 0.1;
 
-/// Time without fault after which a stuck or noisy taxel is usable again [s].
+/// Time without fault, while nothing touches, after which a taxel is usable again [s]: it begins without a force.
 constexpr double kRecovery = 1.0;
 
 /// Noise of a noisy taxel over that of the others [1].
@@ -166,6 +166,7 @@ private:
   void test_response(const double* force, const bool* offset_known);
   void test_alone(const double* force, const bool* offset_known);
   bool update_status(double duration);
+  bool is_sound(std::size_t taxel) const;
   TaxelStatus next_status(std::size_t taxel) const;
 
   SkinResponse skin_;

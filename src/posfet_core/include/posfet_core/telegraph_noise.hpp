@@ -12,7 +12,8 @@
 /// returns when its next level is the one that it had before the last; when it did so several times, and its neighbours
 /// felt nothing of these steps, it has telegraph noise. Where there are too few neighbours, as in a corner, a return
 /// counts when the charge of a force would have leaked clearly meanwhile, so that its release would have missed the
-/// level. The taxel is cured when it has not returned for a while.
+/// level. The taxel is cured when it has not returned for a while in
+/// which nothing touched: under a force that varies no level comes again.
 ///
 /// Steps of less than 8 standard deviations of a block's mean are not seen, nor levels that last for less than two
 /// blocks.
@@ -45,7 +46,8 @@ constexpr double kNeighbourStep = 0.07;
 /// Number of returns that identify telegraph noise [1], assumed: up, down and up again.
 constexpr int kReturns = 2;
 
-/// Time for which a return counts [s], assumed: levels last for up to 2 s.
+/// Time for which a return counts, and after which, while nothing touches, it has no more telegraph noise [s], assumed:
+/// levels last for up to 2 s.
 constexpr double kReturnMemory = 10.0;
 
 /// Standard deviations by which the neighbours of a step must miss their part [1].
@@ -63,8 +65,8 @@ public:
   std::size_t taxels() const { return level_.size(); }
 
   /// Process a block: the mean signal of each taxel, the variance of that mean in their unit squared, the taxels
-  /// without other faults, and the duration of the block [s].
-  void close_block(const double* mean, const double* variance, const bool* sound, double duration);
+  /// without other faults, the duration of the block [s], and whether something touches the array.
+  void close_block(const double* mean, const double* variance, const bool* sound, double duration, bool touched);
 
   /// Taxels with telegraph noise.
   TaxelFlags& found() { return found_; }
@@ -80,6 +82,7 @@ private:
   std::vector<double> before_;  ///< The level before it.
   std::vector<int> returns_;    ///< Number of returns.
   std::vector<double> age_;     ///< Time since the last return [s].
+  std::vector<double> quiet_;   ///< That time but for touches [s].
   std::vector<double> dwell_;   ///< Time on the level [s].
   std::vector<double> means_;   ///< Of the last blocks, the newest first, [kStepSpan, taxels].
   std::vector<double> change_;  ///< Over these blocks; 0: unknown.
