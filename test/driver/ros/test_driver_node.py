@@ -283,10 +283,10 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
         assert node.trigger_activate() == SUCCESS
         bench.wait(lambda: len(received) > 50 and bench.watcher.raw)
         assert_counting(bench.watcher.raw)
-        assert received == list(range(received[0], received[0] + len(received)))
         assert node.trigger_deactivate() == SUCCESS
         assert node.trigger_cleanup() == SUCCESS
         assert node.source.report().state == "closed"
+        assert received == list(range(received[0], received[0] + len(received)))
         seen = -1
         while seen != len(bench.watcher.raw):  # messages in transit
             seen = len(bench.watcher.raw)
