@@ -66,6 +66,8 @@ class Story:
     """Whether the temperature sensors show the film's temperature."""
     telegraph: float = 0.0
     """Amplitude of the telegraph noise of every fifth taxel [N]."""
+    warmth: float = 0.0
+    """By how much what touches is warmer than the film [K]."""
 
     @property
     def tolerance(self) -> float:
@@ -91,6 +93,7 @@ def stories(largest: int) -> st.SearchStrategy[Story]:
         st.sampled_from([tuple(range(8)), tuple(kind for kind in range(8) if kind != WARMING)]),
         sensed=st.booleans(),
         telegraph=st.sampled_from([0.0, 0.0, 5e-3]),
+        warmth=st.sampled_from([0.0, 0.0, 0.3]),
     )
 
 
@@ -104,7 +107,7 @@ class Film:
         self._tau = device.leak_time_constant * self.random.uniform(0.9, 1.1, layout.taxels)
         self._per_kelvin = device.pyroelectric_coefficient / self.per_newton
         self._offset = self.random.normal(0.0, 0.3 * sensor.contact.threshold, layout.taxels)
-        self._signal, self._force = self._offset.copy(), np.zeros(layout.taxels)
+        self._signal, (self._force, self._warmth) = self._offset.copy(), np.zeros((2, layout.taxels))
         self._at, self._target, self._level = np.zeros(2), 0.0, 0.0
         self._high = np.zeros(layout.taxels, np.bool_)
         self.chip = self.film = self.rate = 0.0
@@ -126,7 +129,10 @@ class Film:
         force = self._level * np.exp(-0.5 * square / 1e-3**2)
         self.chip += self.rate * step
         before, self.film = self.film, self.film + (self.chip - self.film) * (1.0 - math.exp(-step / 0.06))
-        change = force - self._force + self._per_kelvin * (self.film - before)
+        warming = self.story.warmth * -np.expm1(-force / 0.03) - self._warmth
+        warming *= 1.0 - math.exp(-step / 0.5)
+        self._warmth += warming
+        change = force - self._force + self._per_kelvin * (self.film - before + warming)
         self._force = force
         flipped = random.random(len(force)) < step
         flipped &= np.arange(len(force)) % 5 == 0
@@ -267,6 +273,7 @@ class Both:
         self.seen["walk observed"] += python._walk.intensity > python._walk._least
         self.seen["jumps observed"] += bool(np.any(python._jumps.least_offset_variance()))
         self.seen["rising"] += bool(python._unexplained.rising.any())
+        self.seen["hot film"] += python._hot
         self.seen["touched"] += bool(python._touched.any())
         self.seen["valid"] += python.valid
         self.seen["invalid"] += not python.valid
@@ -332,6 +339,7 @@ def test_both_agree_on_the_largest_array() -> None:
 STORIES = {
     "touches": (Story(5, 5, 1, force=2.0), ("touched", "valid", "processed again", "small forces")),
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
+    "objects that are hot": (Story(5, 5, 6, warmth=0.5), ("hot film", "invalid")),
     "a film that warms": (Story(5, 5, 14, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
         Story(5, 5, 3, trouble=0.1, kinds=(WARMING,), sensed=False),

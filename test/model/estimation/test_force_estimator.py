@@ -321,6 +321,37 @@ def test_a_touch_since_before_the_start_is_not_valid_until_its_release_and_leave
     assert np.abs(errors[2200:]).max() < 0.1
 
 
+@pytest.mark.parametrize("hold", [1.0, 3.0])
+def test_what_a_hot_object_hides_is_not_valid_and_leaves_no_force(hold: float) -> None:
+    """Its warmth is twice its force: below zero, it counted as released; and its warmth, as it left, as a touch."""
+
+    def warmth(time: float) -> float:
+        warm = 1.0 - math.exp(-min(max(time - 1.0, 0.0), hold) / 0.5)
+        return 2.0 * warm * math.exp(-max(time - 1.0 - hold, 0.0) / 0.5)
+
+    def cool(time: float) -> float:
+        return press(1.0, hold + 6.0, hold + 8.5)(time) + press(1.0, hold + 9.5, 60.0)(time)
+
+    def force(time: float) -> float:
+        return press(1.0, 1.0, 1.0 + hold)(time) - warmth(time) + cool(time)
+
+    watch = Watch()
+    totals = history(watch, SENSOR, hold + 10.5, force=force, shape=PATCH).sum(axis=1)
+    valid, end = np.array(watch.valid), round(1000 * (1.0 + hold))
+    assert not valid[1500 : end + 500].any()
+    assert np.abs(totals[end + 3500 : end + 4900]).max() < 0.1
+    assert valid[end + 4000 : end + 4900].all()
+    assert not valid[end + 5100 : end + 7400].any(), "what comes next may be as hot"
+    assert valid[end + 8600 :].all(), "it was not"
+
+
+def test_what_a_hot_object_does_to_the_whole_film_is_no_warming_since_before_the_start() -> None:
+    watch = Watch()
+    hot = [-2.0 * (1.0 - math.exp(-max(0.001 * index - 3.0, 0.0) / 0.5)) for index in range(6001)]
+    history(watch, SENSOR, 6.0, force=lambda time: hot[round(1000 * time)], shape=np.full(TAXELS, 1.0 / TAXELS))
+    assert abs(watch.estimator.belief.shared[Shared.EARLIER]) < 5e-3  # 0.1 K/s before
+
+
 def test_a_forced_tare_says_that_nothing_touches() -> None:
     watch = Watch()
     watch.estimator.touch_at_start = True

@@ -141,6 +141,15 @@ PLAY: Final = 4.0
 SHARE_PLAY: Final = 2e-3
 """Greatest change of a taxel's share of the force that is no motion [1]."""
 
+KNOWN_RATE: Final = 0.5
+"""Deviation, relative to the prior, from which on the warming since before the start is known [1]: it is constant."""
+WARMED: Final = 0.05
+"""Share of the warmth of a touch from which the film of a taxel may be warm [1]."""
+HOTTEST_OBJECT: Final = 15.0
+"""Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot."""
+WARMING_TIMES: Final = 2.0
+"""Time that a touch must last to show what it warms, in time constants of that warmth [1]."""
+
 RELEASING: Final = 0.9
 """Share of the greatest force of the last blocks below which the force falls as in a release [1]."""
 
@@ -312,6 +321,8 @@ class ForceEstimator:
         """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
         self._recovering, self._agreed, self._unread, self._last_duration = 0.0, 0.0, 0.0, BLOCK
         self._blocks: deque[Block] = deque(maxlen=LAG)
+        self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
+        self._touched_for = 0.0
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
@@ -486,6 +497,7 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
+        self._hot = self._shown_hot = False
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
         shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops
@@ -516,7 +528,8 @@ class ForceEstimator:
 
     def forget(self) -> None:
         """Forget all, as if the next scan were the first one: what was known is wrong."""
-        self._farthest = 0.0
+        self._farthest = self._touched_for = 0.0
+        self._hot = self._shown_hot = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -540,6 +553,7 @@ class ForceEstimator:
             contacts = (*contacts, lost.nonzero()[0])
         touched = self._find_touched(listed)
         block = self._measure(touched, listed)
+        self._follow_touch(block)
         begun = touched & ~self._touched
         if any_true(self._listed):
             begun &= ~self._beside  # where forces were small ones, and no zeros
@@ -584,9 +598,12 @@ class ForceEstimator:
             # A wide object presses more taxels than those whose residual is beyond its noise.
             suspected = suspected | self._unexplained.rising
         unknown = self._unexplained.rising | self._surroundings.dilated(suspected)
+        hot = self._may_be_hot()
+        if hot:  # below zero no object touches, else
+            unknown |= (self._sum / self._scans < -self._threshold) & self._may_be_warm()
         if any_true(self._touched):
-            noise = np.sqrt(self._noise_variance / self._scans)
-            unknown |= self._touched & ~self._release.left(self._sum / self._scans, noise)
+            noise, mean = np.sqrt(self._noise_variance / self._scans), self._sum / self._scans
+            unknown |= self._touched & ~self._release.left(np.abs(mean) if hot else mean, noise)
         touched: Mask = listed | (unknown & self.offset_known)
         return touched
 
@@ -850,8 +867,8 @@ class ForceEstimator:
         """Update a belief by a new reading of the temperature sensors, if there is one.
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
-        determine the temperature of the film, it may have warmed since before the start. If neither explains it, it
-        shows only that the sensors differ from their model, and is weighted down.
+        determine the temperature of the film, it may have warmed since before the start, unless that is known. If
+        neither explains it, it shows only that the sensors differ from their model, and is weighted down.
         """
         if math.isnan(block.reading):
             return
@@ -863,7 +880,8 @@ class ForceEstimator:
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        if surprising and zeros and self._uniform.observable:
+        known = f.belief.covariance[Shared.EARLIER, Shared.EARLIER] < (KNOWN_RATE * self._priors.earlier) ** 2
+        if surprising and zeros and self._uniform.observable and not known:
             direction = np.eye(COUNT)[Shared.EARLIER]
             direction[Shared.ZERO] = -0.5 * block.time  # half of what was missed has counted as an error of the zero
             f.admit(direction, min(2.0 * abs(innovation) / block.time, self._priors.rate) ** 2)
@@ -1016,9 +1034,11 @@ class ForceEstimator:
         )
         if errors is not None and errors.any():
             belief, below = self.belief, residual < -self._threshold
-            if any_true(errors & below):
+            released = odd & self.offset_known & below
+            if any_true(errors & below) and self._find_hot_film(released, residual):
+                errors &= ~released
+            elif any_true(errors & below):
                 # What touched since before the start, on these taxels or beside, was released.
-                released = odd & self.offset_known & below
                 cooling = self._surroundings.dilated(released)
                 warmth = (self._priors.warmth_mean * self._per_kelvin[cooling]) ** 2
                 for i, j in ((0, 0), (0, 4), (4, 0), (4, 4)):
@@ -1029,6 +1049,36 @@ class ForceEstimator:
                 self._zero_known = True
                 self._blocks.clear()  # to process them again would undo it
             belief.own[errors, 0, 0] += residual[errors] ** 2
+
+    def _may_be_hot(self) -> bool:
+        """Return whether what touches may have warmed the film so much that force and warmth are hardly separable."""
+        warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
+        return self._hot or abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH
+
+    def _may_be_warm(self) -> Mask:
+        """Return the taxels of which the film may have been warmed by what touches, or has just touched."""
+        warm: Mask = self._beside | (self._touch.warm > WARMED)
+        return warm
+
+    def _find_hot_film(self, below: Mask, residual: Array) -> bool:
+        """Return whether the film is hotter than was known.
+
+        It is where a touch may have warmed it and forces stay below zero, as no object pulls. Only what has touched
+        since before the start and is released does that, too. Such taxels are left as they are, until it has cooled.
+        """
+        possible = np.abs(residual) < HOTTEST_OBJECT * np.abs(self._per_kelvin)
+        hot = any_true(below & self._may_be_warm() & possible)
+        self._hot, self._shown_hot = self._hot or hot, self._shown_hot or hot
+        return hot
+
+    def _follow_touch(self, block: Block) -> None:
+        """Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown."""
+        if any_true(block.touched):
+            self._touched_for += block.duration
+            return
+        if self._touched_for >= WARMING_TIMES * self._priors.warmth_time:
+            self._hot = self._shown_hot
+        self._shown_hot, self._touched_for = False, 0.0
 
     def _set_zero(self, where: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels."""
@@ -1188,7 +1238,8 @@ class ForceEstimator:
         counted = ~self.ignored | self.informative
         touched = self._touched & counted
         any_touched = any_true(touched)
-        self._recent_force.append(abs(float(self.force[counted].sum())))
+        total = float(self.force[counted].sum())
+        self._recent_force.append(abs(total))
         if self.touch_at_start and not self._zero_known:
             return False
         if self._recovering > 0.0 or not sound.all():
@@ -1196,14 +1247,15 @@ class ForceEstimator:
         warmed = float(np.abs(self._per_kelvin * self.belief.shared[Shared.WARMTH] * self._touch.warm).sum())
         if not any_touched and abs(self._doubt) <= self._negligible and warmed <= LEAST_DEVIATION * self._threshold:
             return True
-        warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
-        if abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH:
+        if self._may_be_hot():
             return False
         variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
-        greatest, present = max(self._recent_force), self._recent_force[-1]
+        deviation, greatest, present = math.sqrt(variance), max(self._recent_force), abs(total)
+        if total < -SURPRISING * deviation - self._threshold:
+            return False  # no object pulls
         noise = math.sqrt(float(self._noise_variance[counted].sum()))
         force = greatest if present < RELEASING * greatest else present - SURPRISING * noise  # a release
-        return math.sqrt(variance) <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
+        return deviation <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
 
     def _confirm_offsets(self, duration: float) -> None:
         """Mark offsets as known once the array has been still."""

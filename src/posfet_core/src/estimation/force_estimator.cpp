@@ -272,6 +272,7 @@ void ForceEstimator::forget_touch() {
   Belief& b = *belief();
   const std::vector<double> mean = priors_.mean();
   const SquareMatrix prior = priors_.covariance();
+  hot_ = shown_hot_ = false;
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* response = response_.data() + taxel * kSharedStates;
@@ -347,7 +348,8 @@ void ForceEstimator::start(const double* charge) {
 }
 
 void ForceEstimator::forget() {
-  farthest_ = 0.0;
+  farthest_ = touched_for_ = 0.0;
+  hot_ = shown_hot_ = false;
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
   for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
@@ -457,6 +459,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   }
   find_touched(block);
   measure(block);
+  follow_touch(block);
   const bool any_listed = block.listed.any();
   observe_rest(any_listed);
   blocks_.push();
@@ -502,11 +505,14 @@ void ForceEstimator::find_touched(Block& block) {
     odd_[taxel] = lower_bound_.mask()[taxel] || (begins && unexplained_.rising()[taxel]);
   }
   surroundings_.dilate(odd_, chosen_);
+  const bool hot = may_be_hot();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = state().sum[taxel] / integration_->block().scans;
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
-    const bool moving = touched_[taxel] && !release_.has_left(taxel, mean, noise);
-    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving;
+    // Below zero no object touches, unless it is hot.
+    const bool below = hot && mean < -array_.threshold && may_be_warm(taxel);
+    const bool moving = touched_[taxel] && !release_.has_left(taxel, hot ? std::abs(mean) : mean, noise);
+    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below;
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
   }
 }

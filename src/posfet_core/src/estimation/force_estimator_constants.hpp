@@ -27,6 +27,10 @@ constexpr double kSurprising = 3.0;
 /// Deviation of the total force that is always accepted [contact threshold].
 constexpr double kLeastDeviation = 1.0;
 
+/// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
+/// hardly separable then.
+constexpr double kGreatestWarmth = 0.08;
+
 /// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, a slow
 /// press, lost scans.
 constexpr std::size_t kOtherCauses = 4;

@@ -22,10 +22,6 @@ namespace posfet {
 
 namespace {
 
-/// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
-/// hardly separable then.
-constexpr double kGreatestWarmth = 0.08;
-
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
 constexpr double kBeyondRange = 1.25;
 
@@ -202,12 +198,17 @@ bool ForceEstimator::is_valid() {
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
   }
-  return !may_touch || is_certain(chosen_);
+  return !may_touch || is_certain(chosen_, total);
 }
 
-/// Whether the total force, which is that of these taxels, is certain enough while something touches, or may.
-bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
-  if (std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth) {
+/// Whether what touches may have warmed the film so much that force and warmth are hardly separable.
+bool ForceEstimator::may_be_hot() const {
+  return hot_ || std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth;
+}
+
+/// Whether the `total` force, which is that of these taxels, is certain enough while something touches, or may.
+bool ForceEstimator::is_certain(const TaxelFlags& counted, double total) const {
+  if (may_be_hot()) {
     return false;
   }
   double variance = 0.0;
@@ -223,11 +224,15 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted) const {
     }
   }
   variance += dot(shared.data(), shared.data(), kCauses);
+  const double deviation = std::sqrt(variance);
+  if (total < -kSurprising * deviation - array_.threshold) {
+    return false;  // no object pulls
+  }
   // A release makes the force small before it is found.
   const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
-  const double present = recent_force_[(recent_ + recent_force_.size() - 1) % recent_force_.size()];
+  const double present = std::abs(total);
   const double force = present < kReleasing * greatest ? greatest : present - kSurprising * std::sqrt(noise);
-  return std::sqrt(variance) <= std::max(max_relative_uncertainty * force, kLeastDeviation * array_.threshold);
+  return deviation <= std::max(max_relative_uncertainty * force, kLeastDeviation * array_.threshold);
 }
 
 /// Mark offsets as known once the array has been still.

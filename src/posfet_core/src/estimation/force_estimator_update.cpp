@@ -30,6 +30,18 @@ constexpr double kLargestLagStep = 0.5;
 /// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
 constexpr double kCorrelated = 50.0;
 
+/// Deviation, relative to the prior one, from which on the warming since before the start is known [1]: it is constant.
+constexpr double kKnownRate = 0.5;
+
+/// Share of the warmth of a touch from which the film of a taxel may be warm [1].
+constexpr double kWarmed = 0.05;
+
+/// Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot.
+constexpr double kHottestObject = 15.0;
+
+/// Time that a touch must last to show what it warms, in time constants of that warmth [1].
+constexpr double kWarmingTimes = 2.0;
+
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
@@ -98,8 +110,8 @@ void ForceEstimator::step(std::size_t index) {
 /// Update a belief by a new reading of the temperature sensors, if there is one.
 ///
 /// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
-/// the temperature of the film, it may have warmed since before the start. If neither explains it, it shows only that
-/// the sensors differ from their model, and is weighted down.
+/// the temperature of the film, it may have warmed since before the start, unless that is known. If neither explains
+/// it, it shows only that the sensors differ from their model, and is weighted down.
 void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
   if (std::isnan(block.reading)) {
     return;
@@ -114,7 +126,8 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
     found = filter.temperature_innovation(block.reading, variance, block.time);
   }
-  if (is_surprising(found) && zeros && uniform_.observable()) {
+  const bool known = filter.belief()->variance(kEarlier) < square(kKnownRate * priors_.earlier);
+  if (is_surprising(found) && zeros && uniform_.observable() && !known) {
     std::array<double, kSharedStates> earlier{};
     earlier[kEarlier] = 1.0;
     earlier[kZero] = -0.5 * block.time;  // half of what was missed until now has counted as an error of the zero
@@ -407,6 +420,7 @@ void ForceEstimator::restart_or_correct(const Block& block) {
   restart(chosen_);
   unexplained_.update(odd_.data(), residual_.data(), block.mean.data(), values_.data(), block.duration, chosen_.data());
   find_released();
+  find_hot_film();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel] && !zeros_[taxel]) {
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(residual_[taxel]);
@@ -428,6 +442,40 @@ void ForceEstimator::find_released() {
   if (!released) {
     zeros_.fill(false);
   }
+}
+
+/// Whether what touches, or has just touched, may have warmed the film of a taxel.
+bool ForceEstimator::may_be_warm(std::size_t taxel) const { return beside_[taxel] || touch_.warm()[taxel] > kWarmed; }
+
+/// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero,
+/// as no object pulls. Only what has touched since before the start and is released does that, too. Such taxels are
+/// left as they are, until the film has cooled: none are in `zeros_` then.
+void ForceEstimator::find_hot_film() {
+  bool hot = false;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    // Without a pyroelectric response, infinite.
+    const double kelvin = std::abs(residual_[taxel] / array_.newton_per_kelvin[taxel]);
+    hot = hot || (zeros_[taxel] && may_be_warm(taxel) && kelvin < kHottestObject);
+  }
+  if (!hot) {
+    return;
+  }
+  hot_ = shown_hot_ = true;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = chosen_[taxel] && !zeros_[taxel];
+    zeros_[taxel] = false;
+  }
+}
+
+/// Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown.
+void ForceEstimator::follow_touch(const Block& block) {
+  if (block.touched.any()) {
+    touched_for_ += block.duration;
+    return;
+  }
+  hot_ = touched_for_ < kWarmingTimes * priors_.warmth_time ? hot_ : shown_hot_;
+  shown_hot_ = false;
+  touched_for_ = 0.0;
 }
 
 /// Set the forces of these taxels to zero. They and those beside them cool from then on.

@@ -240,7 +240,11 @@ private:
   void follow_usual(const Block& block);
   void set_covariance(const Block& block);
   bool is_valid();
-  bool is_certain(const TaxelFlags& counted) const;
+  bool is_certain(const TaxelFlags& counted, double total) const;
+  bool may_be_hot() const;
+  bool may_be_warm(std::size_t taxel) const;
+  void find_hot_film();
+  void follow_touch(const Block& block);
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
@@ -285,6 +289,9 @@ private:
   double warmed_since_ = 0.0;             ///< Time since the temperatures were zero, or set to a reading [s].
   double expected_film_ = 0.0;            ///< Temperature of the film without any change of its rate [K],
   double expected_rate_ = 0.0;            ///< which is this one [K/s].
+  bool hot_ = false;                      ///< Whether this or the last touch has shown a hot film.
+  bool shown_hot_ = false;                ///< Whether the present one has.
+  double touched_for_ = 0.0;              ///< How long it has lasted [s].
   double doubt_ = 0.0;                    ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
