@@ -141,8 +141,8 @@ PLAY: Final = 4.0
 SHARE_PLAY: Final = 2e-3
 """Greatest change of a taxel's share of the force that is no motion [1]."""
 
-KNOWN_RATE: Final = 0.5
-"""Deviation, relative to the prior, from which on the warming since before the start is known [1]: it is constant."""
+EARLY: Final = 2.0
+"""Time in which readings show at what rate the film has warmed since before the start [s]: it is constant."""
 WARMED: Final = 0.05
 """Share of the warmth of a touch from which the film of a taxel may be warm [1]."""
 HOTTEST_OBJECT: Final = 15.0
@@ -867,8 +867,9 @@ class ForceEstimator:
         """Update a belief by a new reading of the temperature sensors, if there is one.
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
-        determine the temperature of the film, it may have warmed since before the start, unless that is known. If
-        neither explains it, it shows only that the sensors differ from their model, and is weighted down.
+        determine the temperature of the film, it may have warmed since before the start; soon after that, and not
+        where something touches, which warms it, too. If neither explains it, it shows only that the sensors differ
+        from their model, and is weighted down.
         """
         if math.isnan(block.reading):
             return
@@ -880,8 +881,8 @@ class ForceEstimator:
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        known = f.belief.covariance[Shared.EARLIER, Shared.EARLIER] < (KNOWN_RATE * self._priors.earlier) ** 2
-        if surprising and zeros and self._uniform.observable and not known:
+        early = block.time < EARLY and not any_true(block.touched)
+        if surprising and zeros and self._uniform.observable and early:
             direction = np.eye(COUNT)[Shared.EARLIER]
             direction[Shared.ZERO] = -0.5 * block.time  # half of what was missed has counted as an error of the zero
             f.admit(direction, min(2.0 * abs(innovation) / block.time, self._priors.rate) ** 2)
@@ -1057,8 +1058,8 @@ class ForceEstimator:
 
     def _may_be_warm(self) -> Mask:
         """Return the taxels of which the film may have been warmed by what touches, or has just touched."""
-        warm: Mask = self._beside | (self._touch.warm > WARMED)
-        return warm
+        warm: Mask = self._surroundings.dilated(self._touch.warm > WARMED)
+        return warm | self._beside if self._hot else warm
 
     def _find_hot_film(self, below: Mask, residual: Array) -> bool:
         """Return whether the film is hotter than was known.

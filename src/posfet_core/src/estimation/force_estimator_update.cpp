@@ -30,8 +30,8 @@ constexpr double kLargestLagStep = 0.5;
 /// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
 constexpr double kCorrelated = 50.0;
 
-/// Deviation, relative to the prior one, from which on the warming since before the start is known [1]: it is constant.
-constexpr double kKnownRate = 0.5;
+/// Time in which readings show at what rate the film has warmed since before the start [s]: it is constant.
+constexpr double kEarly = 2.0;
 
 /// Share of the warmth of a touch from which the film of a taxel may be warm [1].
 constexpr double kWarmed = 0.05;
@@ -110,8 +110,9 @@ void ForceEstimator::step(std::size_t index) {
 /// Update a belief by a new reading of the temperature sensors, if there is one.
 ///
 /// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
-/// the temperature of the film, it may have warmed since before the start, unless that is known. If neither explains
-/// it, it shows only that the sensors differ from their model, and is weighted down.
+/// the temperature of the film, it may have warmed since before the start; soon after that, and not where something
+/// touches, which warms it, too. If neither explains it, it shows only that the sensors differ from their model, and is
+/// weighted down.
 void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
   if (std::isnan(block.reading)) {
     return;
@@ -126,8 +127,8 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
     found = filter.temperature_innovation(block.reading, variance, block.time);
   }
-  const bool known = filter.belief()->variance(kEarlier) < square(kKnownRate * priors_.earlier);
-  if (is_surprising(found) && zeros && uniform_.observable() && !known) {
+  const bool early = block.time < kEarly && !block.touched.any();
+  if (is_surprising(found) && zeros && uniform_.observable() && early) {
     std::array<double, kSharedStates> earlier{};
     earlier[kEarlier] = 1.0;
     earlier[kZero] = -0.5 * block.time;  // half of what was missed until now has counted as an error of the zero
@@ -445,7 +446,7 @@ void ForceEstimator::find_released() {
 }
 
 /// Whether what touches, or has just touched, may have warmed the film of a taxel.
-bool ForceEstimator::may_be_warm(std::size_t taxel) const { return beside_[taxel] || touch_.warm()[taxel] > kWarmed; }
+bool ForceEstimator::may_be_warm(std::size_t taxel) const { return warmed_near_[taxel] || (hot_ && beside_[taxel]); }
 
 /// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero,
 /// as no object pulls. Only what has touched since before the start and is released does that, too. Such taxels are
@@ -469,6 +470,10 @@ void ForceEstimator::find_hot_film() {
 
 /// Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown.
 void ForceEstimator::follow_touch(const Block& block) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = touch_.warm()[taxel] > kWarmed;
+  }
+  surroundings_.dilate(chosen_, warmed_near_);
   if (block.touched.any()) {
     touched_for_ += block.duration;
     return;

@@ -319,6 +319,7 @@ private:
   TaxelFlags listed_;                       ///< Taxels in contact in the last block.
   TaxelFlags touched_;                      ///< These, and those whose residual was unexplained.
   TaxelFlags beside_;                       ///< These, and their neighbours.
+  TaxelFlags warmed_near_;                  ///< Taxels whose film a touch has warmed, and their neighbours.
 
   // Work space of a step of the filter.
   TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
