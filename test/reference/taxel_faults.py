@@ -141,7 +141,7 @@ class TaxelFaultDetector:
         self._contradicted = np.zeros(taxels, np.bool_)  # noisy taxels whose force their neighbours contradict
         self._silent_for = np.zeros(taxels)
         self._responding_for = np.zeros(taxels)
-        self._noisy, self._calm, self._dead, self._alive = np.zeros((4, taxels), np.bool_)
+        self._noisy, self._calm, self._dead = np.zeros((3, taxels), np.bool_)
 
     @property
     def noise_variance(self) -> NDArray[np.float64]:
@@ -223,7 +223,8 @@ class TaxelFaultDetector:
         s, status, dead, telegraph = self._settings, self.status, self._dead, self._telegraph.found
         noisy = self._noisy | telegraph
         if self.any_faulty or any_true(stuck | noisy | dead):
-            sound = self._calm & np.select([status == _STUCK, status == _DEAD], [changed, self._alive], ~telegraph)
+            alive = self._responding_for >= s.confirm_dead
+            sound = self._calm & np.select([status == _STUCK, status == _DEAD], [changed, alive], ~telegraph)
             self._quiet_for = np.where(sound & ~touches, self._quiet_for + duration, 0.0)
             back = (status == _DEAD) & (stuck | noisy) | (self._quiet_for >= s.recovery)
             status[back] = _OK
@@ -372,7 +373,7 @@ class TaxelFaultDetector:
         self._responding_for = np.where(
             responding, self._responding_for + duration, np.where(silent, 0.0, self._responding_for)
         )
-        self._dead, self._alive = self._silent_for >= s.confirm_dead, self._responding_for >= s.confirm_dead
+        self._dead = self._silent_for >= s.confirm_dead
 
     def _test_alone(
         self, force: NDArray[np.float64], variance: NDArray[np.float64], offset_known: NDArray[np.bool_]

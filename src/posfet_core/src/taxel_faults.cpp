@@ -57,8 +57,7 @@ TaxelFaultDetector::TaxelFaultDetector(const SkinResponse& skin, const TaxelFigu
                        &responding_for_, &values_, &others_, &square_, &variance_}) {
     values->assign(count, 0.0);
   }
-  for (auto* flags :
-       {&touched_, &contradicted_, &noisy_, &calm_, &dead_, &alive_, &changed_, &stuck_, &loud_, &flags_}) {
+  for (auto* flags : {&touched_, &contradicted_, &noisy_, &calm_, &dead_, &changed_, &stuck_, &loud_, &flags_}) {
     *flags = TaxelFlags(count);
   }
   level_.assign(count, noise_);
@@ -324,7 +323,6 @@ void TaxelFaultDetector::test_response(const double* force, const bool* offset_k
     silent_for_[taxel] = lasted(silent_for_[taxel], silent, loaded, elapsed_);
     responding_for_[taxel] = lasted(responding_for_[taxel], responding, silent, elapsed_);
     dead_[taxel] = silent_for_[taxel] >= kConfirmDead;
-    alive_[taxel] = responding_for_[taxel] >= kConfirmDead;
   }
 }
 
@@ -373,7 +371,7 @@ bool TaxelFaultDetector::update_status(double duration) {
 bool TaxelFaultDetector::is_sound(std::size_t taxel) const {
   switch (status_[taxel]) {
     case TaxelStatus::kDead:
-      return calm_[taxel] && alive_[taxel];
+      return calm_[taxel] && responding_for_[taxel] >= kConfirmDead;
     case TaxelStatus::kStuck:
       return calm_[taxel] && changed_[taxel];
     default:

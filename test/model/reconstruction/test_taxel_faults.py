@@ -73,6 +73,19 @@ def stuck(taxel: int, count: int, begin: int = 0, end: int = 10**9) -> Fault:
     return fault
 
 
+def frozen(taxel: int, begin: int, end: int) -> Fault:
+    """Return a fault in which a taxel keeps the counts that it has at its begin."""
+    held = [0]
+
+    def fault(index: int, scan: Scan) -> None:
+        if begin <= index < end:
+            scan.counts[taxel] = held[0]
+        else:
+            held[0] = int(scan.counts[taxel])
+
+    return fault
+
+
 def noisy(taxel: int, times: float, begin: int = 0, end: int = 10**9) -> Fault:
     rng = np.random.default_rng(6)
 
@@ -283,14 +296,9 @@ def test_a_taxel_with_a_loose_wire_does_not_delay_the_others() -> None:
 
 
 def test_a_taxel_that_recovers_after_sticking_under_load_is_used_again() -> None:
-    def fault(index: int, scan: Scan) -> None:
-        if 600 <= index < 900:
-            scan.counts[12] = held[0]
-        else:
-            held[0] = int(scan.counts[12])
-
-    held = [0]
-    reconstructor, results, statuses = run(fault, 4.0, lambda t: press(1.5, 0.5, 1.2)(t) + press(1.0, 3.0, 9.0)(t))
+    reconstructor, results, statuses = run(
+        frozen(12, 600, 900), 4.0, lambda t: press(1.5, 0.5, 1.2)(t) + press(1.0, 3.0, 9.0)(t)
+    )
     assert found_at(statuses, 12, TaxelStatus.STUCK) < 650
     assert statuses[2900][12] == TaxelStatus.OK
     assert results[-1].valid
@@ -298,16 +306,8 @@ def test_a_taxel_that_recovers_after_sticking_under_load_is_used_again() -> None
 
 
 def test_a_taxel_that_no_longer_sticks_is_used_again_after_the_touch() -> None:
-    """It begins anew without a force, as nothing would tell it under the touch."""
-
-    def fault(index: int, scan: Scan) -> None:
-        if 600 <= index < 900:
-            scan.counts[12] = held[0]
-        else:
-            held[0] = int(scan.counts[12])
-
-    held = [0]
-    _, results, statuses = run(fault, 6.0, press(1.5, 0.5, 4.0))
+    """It restarts without a force, as nothing would tell it under the touch."""
+    _, results, statuses = run(frozen(12, 600, 900), 6.0, press(1.5, 0.5, 4.0))
     assert {int(row[12]) for row in statuses[650:4000]} == {TaxelStatus.STUCK}
     assert_force(results[1100:3990], 1.5)
     assert statuses[-1][12] == TaxelStatus.OK

@@ -122,7 +122,7 @@ def test_a_taxel_recovers_from_telegraph_noise() -> None:
 
 
 def test_telegraph_noise_outlasts_a_touch_that_varies() -> None:
-    # Under such a force no level comes again. The taxel began anew, as if nothing touched: its force was missing.
+    # Under such a force no level comes again. The taxel restarted, as if nothing touched: its force was missing.
     def force(time: float) -> float:
         return press(1.5, 4.0, 20.0)(time) * (1.0 + 0.3 * math.sin(3.0 * time))
 

@@ -198,7 +198,6 @@ private:
   TaxelFlags noisy_;
   TaxelFlags calm_;
   TaxelFlags dead_;
-  TaxelFlags alive_;
   TaxelFlags changed_;  ///< Taxels whose counts changed in the block.
   TaxelFlags stuck_;
   TaxelFlags loud_;

@@ -12,8 +12,8 @@
 /// returns when its next level is the one that it had before the last; when it did so several times, and its neighbours
 /// felt nothing of these steps, it has telegraph noise. Where there are too few neighbours, as in a corner, a return
 /// counts when the charge of a force would have leaked clearly meanwhile, so that its release would have missed the
-/// level. The taxel is cured when it has not returned for a while in
-/// which nothing touched: under a force that varies no level comes again.
+/// level. The taxel is cured when it has not returned for a while in which nothing touched: under a force that varies
+/// no level comes again.
 ///
 /// Steps of less than 8 standard deviations of a block's mean are not seen, nor levels that last for less than two
 /// blocks.

@@ -128,8 +128,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
   state().rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_,
-                     &tapped_, &warmed_near_}) {
+  for (auto* mask :
+       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_, &tapped_, &warm_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -273,7 +273,6 @@ void ForceEstimator::forget_touch() {
   const std::vector<double> mean = priors_.mean();
   const SquareMatrix prior = priors_.covariance();
   hot_ = shown_hot_ = false;
-  warmed_near_.fill(false);
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* response = response_.data() + taxel * kSharedStates;
@@ -353,7 +352,7 @@ void ForceEstimator::forget() {
   hot_ = shown_hot_ = false;
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
-  for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &warmed_near_, &state().offset_known}) {
+  for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
     mask->fill(false);
   }
   std::fill(state().force.begin(), state().force.end(), 0.0);
@@ -507,11 +506,14 @@ void ForceEstimator::find_touched(Block& block) {
   }
   surroundings_.dilate(odd_, chosen_);
   const bool hot = may_be_hot();
+  if (hot) {
+    find_warm();
+  }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = state().sum[taxel] / integration_->block().scans;
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
-    const bool below = hot && mean < -array_.threshold && may_be_warm(taxel);
+    const bool below = hot && mean < -array_.threshold && warm_[taxel];
     const bool moving = touched_[taxel] && !release_.has_left(taxel, hot ? std::abs(mean) : mean, noise);
     const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below;
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);

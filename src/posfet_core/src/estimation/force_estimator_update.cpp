@@ -445,18 +445,31 @@ void ForceEstimator::find_released() {
   }
 }
 
-/// Whether what touches, or has just touched, may have warmed the film of a taxel.
-bool ForceEstimator::may_be_warm(std::size_t taxel) const { return warmed_near_[taxel] || (hot_ && beside_[taxel]); }
+/// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so; what is
+/// in `odd_` is lost.
+void ForceEstimator::find_warm() {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    odd_[taxel] = touch_.warm()[taxel] > kWarmed;
+  }
+  surroundings_.dilate(odd_, warm_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    warm_[taxel] = warm_[taxel] || (hot_ && beside_[taxel]);
+  }
+}
 
 /// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero,
 /// as no object pulls. Only what has touched since before the start and is released does that, too. Such taxels are
 /// left as they are, until the film has cooled: none are in `zeros_` then.
 void ForceEstimator::find_hot_film() {
+  if (!zeros_.any()) {
+    return;
+  }
+  find_warm();
   bool hot = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     // Without a pyroelectric response, infinite.
     const double kelvin = std::abs(residual_[taxel] / array_.newton_per_kelvin[taxel]);
-    hot = hot || (zeros_[taxel] && may_be_warm(taxel) && kelvin < kHottestObject);
+    hot = hot || (zeros_[taxel] && warm_[taxel] && kelvin < kHottestObject);
   }
   if (!hot) {
     return;
@@ -470,10 +483,6 @@ void ForceEstimator::find_hot_film() {
 
 /// Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown.
 void ForceEstimator::follow_touch(const Block& block) {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    chosen_[taxel] = touch_.warm()[taxel] > kWarmed;
-  }
-  surroundings_.dilate(chosen_, warmed_near_);
   if (block.touched.any()) {
     touched_for_ += block.duration;
     return;

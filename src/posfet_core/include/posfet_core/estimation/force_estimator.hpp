@@ -242,7 +242,7 @@ private:
   bool is_valid();
   bool is_certain(const TaxelFlags& counted, double total) const;
   bool may_be_hot() const;
-  bool may_be_warm(std::size_t taxel) const;
+  void find_warm();
   void find_hot_film();
   void follow_touch(const Block& block);
   void confirm_offsets(double duration);
@@ -319,11 +319,11 @@ private:
   TaxelFlags listed_;                       ///< Taxels in contact in the last block.
   TaxelFlags touched_;                      ///< These, and those whose residual was unexplained.
   TaxelFlags beside_;                       ///< These, and their neighbours.
-  TaxelFlags warmed_near_;                  ///< Taxels whose film a touch has warmed, and their neighbours.
 
   // Work space of a step of the filter.
   TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
   TaxelFlags judged_;                  ///< Taxels whose residual counts.
+  TaxelFlags warm_;                    ///< Taxels whose film a touch may have warmed.
   TaxelFlags zeros_;                   ///< Taxels whose force is known.
   TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
   TaxelFlags chosen_;                  ///< Any others.
