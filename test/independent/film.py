@@ -69,8 +69,6 @@ PLAY_SIZES: Final = tuple(np.geomspace(0.002, 0.2, 8))
 """Half widths of the play operators, relative to the maximum force [1], with equal weights: loops of all sizes."""
 PLAY_TEST: Final = np.geomspace(0.05, 5.0, 60)
 """Loops from 0 to these forces [N]; `Effects.hysteresis` is the opening of the widest, relative to its force."""
-WARMTH_FORCE: Final = 0.03
-"""Force on a taxel at which 63 % of its warmth are reached [N]: thermal contact saturates, assumed."""
 WARMTH_TIME: Final = 0.5
 """Time constant of the warmth of touched taxels [s]."""
 CHIP_TIME: Final = 5.0
@@ -108,6 +106,8 @@ class Effects:
     """Rise of temperature that halves the leakage time constant [K]."""
     warmth: float = 0.0
     """Temperature rise of the film under what touches [K]."""
+    warmth_force: float = 0.03
+    """Force on a taxel at which 63 % of its warmth are reached [N]: thermal contact saturates, assumed."""
     warmth_on_stand: bool = True
     """Whether the ball of the calibration stand warms the film as the objects do."""
     drift: float = 0.0
@@ -349,7 +349,7 @@ class Board:
         per_kelvin = device.pyroelectric_coefficient * self.sensor.layout.taxel_area / -device.piezoelectric_coefficient
         film = low_pass(chip[:, None], np.array([device.thermal_time_constant]), step)
         if self.effects.warmth and (self.effects.warmth_on_stand or not on_stand):
-            touched = self.effects.warmth * -np.expm1(-force / WARMTH_FORCE)
+            touched = self.effects.warmth * -np.expm1(-force / self.effects.warmth_force)
             film = film + low_pass(touched, np.full(force.shape[1], WARMTH_TIME), step)
         return per_kelvin * self._pyroelectric * film
 

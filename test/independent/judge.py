@@ -114,6 +114,8 @@ def rows() -> dict[str, Row]:
         "hysteresis": row(Effects(hysteresis=0.03), Limits(2.5)),
         "warmth_30mK": row(Effects(warmth=0.03), Limits(2.0)),
         "warmth_100mK": row(Effects(warmth=0.1), Limits(10.0)),
+        "warmth_100mK_soft": row(Effects(warmth=0.1, warmth_force=5e-3), Limits(10.0)),
+        "warmth_100mK_stiff": row(Effects(warmth=0.1, warmth_force=0.15), Limits(10.0)),
         "warmth_300mK": row(Effects(warmth=0.3), Limits(None)),
         "warm_object_30mK": row(Effects(warmth=0.03, warmth_on_stand=False), Limits(2.0)),
         "warm_object_100mK": row(Effects(warmth=0.1, warmth_on_stand=False), Limits(10.0)),
@@ -133,6 +135,8 @@ def rows() -> dict[str, Row]:
         "leak_halving": row(replace(drift, leak_halving=15.0), Limits(None)),
         "timing": row(Effects(jitter=5e-6, skew=0.5e-3, lost=1e-3), noisy),
         "moderate": Row(MODERATE, many),
+        "moderate_soft": Row(replace(MODERATE, warmth_force=5e-3), many),
+        "moderate_stiff": Row(replace(MODERATE, warmth_force=0.15), many),
         "moderate_under_way": Row(replace(MODERATE, drift_under_way=True), many),
         "hard": Row(HARD, {name: Limits(None) for name in many}),
     }

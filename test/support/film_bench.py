@@ -51,6 +51,8 @@ class Film:
     """Temperature rise of a touched taxel [K]."""
     warmth_time: float = 0.5
     """Its time constant [s]."""
+    warmth_force: float = 0.02
+    """Force that causes half of it [N]."""
     sensor_lag: float = 0.0
     """Lag of the temperature sensors behind the chip [s]."""
     nonlinearity: float = 0.0
@@ -164,9 +166,7 @@ def record(
     per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     temperature = lag(time, chip, sensor.device.thermal_time_constant)[:, None] - chip[0]
     if film.warmth:
-        temperature = temperature + lag(
-            time, film.warmth * force / (force + sensor.contact.threshold), film.warmth_time
-        )
+        temperature = temperature + lag(time, film.warmth * force / (force + film.warmth_force), film.warmth_time)
     places = sensor.layout.positions - sensor.layout.positions.mean(axis=0)
     places = places / np.abs(places).max(axis=0)
     bent = film.bending * force.sum(axis=1, keepdims=True) + film.bending_moment * (force @ places) @ places.T

@@ -68,7 +68,9 @@ inline ErrorPriors priors() {
   given.warmth = 0.015;
   given.warmth_least = 3e-3;
   given.warmth_spread = 0.25;
-  given.warmth_weak = 0.0;
+  given.warmth_force = 0.05;
+  given.warmth_force_spread = 10.0;
+  given.warmth_certain = 1.0;
   given.warmth_contact = 0.58;
   given.warmth_time = 0.5;
   given.creep_times = {0.3, 2.0, 15.0};

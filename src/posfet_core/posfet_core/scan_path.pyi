@@ -18,6 +18,8 @@ CORNER_FREQUENCY: Final[float]
 DEAD_SHARE: Final[float]
 DIAGONAL: Final[float]
 DWELL: Final[float]
+HELD_PLAY: Final[float]
+HELD_TIME: Final[float]
 ENTER_DEVIATIONS: Final[float]
 FASTEST_WARMING: Final[float]
 FEWEST_FOR_UNIFORM: Final[int]
@@ -43,8 +45,6 @@ SLIP_END_SPEED: Final[float]
 SLIP_SPEED: Final[float]
 STEADINESS: Final[float]
 THERMAL_STATES: Final[tuple[int, ...]]
-WARMTH_FORCE: Final[float]
-LEAST_WARMTH_FORCE: Final[float]
 
 class Layout:
     def __init__(self, rows: int, cols: int, pitch_x: float, pitch_y: float, taxel_area: float) -> None: ...
@@ -587,9 +587,22 @@ class TouchResponse:
     def leaked(self) -> NDArray[np.float64]: ...
     def reset(self) -> None: ...
     def advance(
-        self, force: ArrayLike, least: ArrayLike, most: ArrayLike, duration: float, leak: float = 0.0
+        self,
+        force: ArrayLike,
+        least: ArrayLike,
+        most: ArrayLike,
+        duration: float,
+        leak: float = 0.0,
+        warmth: float = 0.0,
     ) -> None: ...
+    def disown(self, taxel: int, left: float, warmth: float) -> None: ...
     def matrix(self) -> NDArray[np.float64]: ...
+
+class HeldForces:
+    def __init__(self, layout: Layout) -> None: ...
+    def update(self, force: ArrayLike, certain: ArrayLike, duration: float) -> None: ...
+    @property
+    def held(self) -> NDArray[np.float64]: ...
 
 class JumpNoise:
     def __init__(self, time_constant: ArrayLike) -> None: ...

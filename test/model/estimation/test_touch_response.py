@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import LEAST_WARMTH_FORCE, WARMTH_FORCE, TouchResponse
+from posfet_core.scan_path import TouchResponse
 from posfet_model.calibration.leaky_response import play_distance
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
@@ -31,9 +31,14 @@ TAU = np.linspace(0.1, 2.0, TAXELS)
 PER_KELVIN = -np.linspace(0.8, 1.2, TAXELS)
 LOOP_WEIGHTS, LOOP_SLOPE = (-0.04, -0.05, -0.03), -0.06
 PRIORS = ErrorPriors(
-    warmth_time=0.4, warmth_weak=0.3, creep_times=(0.2, 1.5, 10.0), loop_weights=LOOP_WEIGHTS, loop_slope=LOOP_SLOPE
+    warmth_time=0.4,
+    warmth_force=0.03,
+    warmth_certain=1.0,
+    creep_times=(0.2, 1.5, 10.0),
+    loop_weights=LOOP_WEIGHTS,
+    loop_slope=LOOP_SLOPE,
 )
-WARMTH_TIME = PRIORS.warmth_time
+WARMTH_TIME, WARMTH_FORCE = PRIORS.warmth_time, PRIORS.warmth_force
 CREEP_TIMES = PRIORS.creep_times
 FINE = 200
 """Steps of the simulation in a block."""
@@ -110,16 +115,15 @@ def test_loops_are_those_of_the_play_operators_and_forgotten_with_the_touch() ->
 
 def test_warmth_follows_the_force_and_saturates_with_it() -> None:
     means = blocks(1.2)
-    strong, weak = (
+    warm, most = (
         follow([-np.expm1(-mean / force) for mean in means], WARMTH_TIME)
-        for force in (WARMTH_FORCE, LEAST_WARMTH_FORCE)
+        for force in (WARMTH_FORCE, WARMTH_FORCE / PRIORS.warmth_force_spread)
     )
-    warm = strong + PRIORS.warmth_weak * (weak - strong)
     each = advance(response(), means)
     np.testing.assert_allclose(each.warm, warm, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(each.range, weak - strong, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(each.range, most - warm, rtol=0, atol=1e-8)
     np.testing.assert_allclose(each.matrix()[:, Shared.WARMTH], PER_KELVIN * warm, rtol=0, atol=1e-8)
-    weakly = PER_KELVIN * (weak - strong)
+    weakly = PER_KELVIN * (most - warm)
     np.testing.assert_allclose(each.matrix()[:, Shared.WEAK_WARMTH], weakly, rtol=0, atol=1e-8)
     assert each.warm[1] > each.warm[2] - 1e-3 > each.warm[5] > 0.0
     assert (each.warm <= 1.0).all()
@@ -135,17 +139,18 @@ def test_a_strong_force_that_seems_to_fall_hardly_changes_its_warmth() -> None:
     assert falling.warm[3] == pytest.approx(steady.warm[3], rel=1e-3)
 
 
-@pytest.mark.parametrize("share", [0.9, 0.3])
+@pytest.mark.parametrize("share", [4.0, 0.9, 0.3])
 def test_warmth_that_explains_a_whole_force_decays_with_it(share: float) -> None:
-    # An object has left a warm taxel, and all that its force seems to be is the warmth that is still subtracted. Where
-    # a kelvin reads as less force than `WARMTH_FORCE`, no force may keep itself up in this way, however weak the touch
-    # was: measured in a scene where a finger rolls to and fro, 30 mN stayed on every taxel that it had left.
+    # An object has left a warm taxel, and all that its force seems to be is the warmth that is still subtracted. No
+    # force may keep itself up in this way, however warm the object and however weak the touch: measured in a scene
+    # where a finger rolls to and fro, 30 mN stayed on every taxel that it had left.
     each, force = response(), np.zeros(TAXELS)
     force[2] = 1.2 * WARMTH_FORCE
     advance(each, [force] * 100)
     level = share * WARMTH_FORCE
-    for _ in range(round(20.0 * WARMTH_TIME / (1.0 - share) / BLOCK)):
-        each.advance(level * each.warm, np.zeros(TAXELS), level * each.warm, BLOCK)
+    warmth = level / abs(PER_KELVIN[2])
+    for _ in range(round(600.0 * WARMTH_TIME / BLOCK)):
+        each.advance(level * each.warm, np.zeros(TAXELS), level * each.warm, BLOCK, warmth=warmth)
     assert each.warm[2] < 0.01
 
 
@@ -153,9 +158,46 @@ def test_each_touch_warms_by_its_own_force() -> None:
     strong, weak = np.zeros((2, TAXELS))
     strong[3], weak[3] = WARMTH_FORCE, 0.1 * WARMTH_FORCE
     each = advance(response(), [strong] * 100 + [np.zeros(TAXELS)] * 1000 + [weak] * 1000)
-    by_weak = -math.expm1(-0.1 * WARMTH_FORCE / LEAST_WARMTH_FORCE)
-    expected = -math.expm1(-0.1) * (1.0 - PRIORS.warmth_weak) + by_weak * PRIORS.warmth_weak
-    assert each.warm[3] == pytest.approx(expected, rel=1e-12)
+    assert each.warm[3] == pytest.approx(-math.expm1(-0.1), rel=1e-12)
+
+
+def test_what_a_force_is_at_least_warms_by_all_that_it_can() -> None:
+    # 0.1 K hide more force than a weak touch has: by what it seems to be it may explain no more of itself than it is,
+    # but what it certainly is has the thermal contact that it has.
+    force, seems, certain = np.zeros(TAXELS), response(), response()
+    force[2] = WARMTH_FORCE
+    for _ in range(500):
+        seems.advance(force, np.zeros(TAXELS), force, BLOCK, warmth=0.1)
+        certain.advance(force, force, force, BLOCK, warmth=0.1)
+    assert seems.warm[2] == pytest.approx(-math.expm1(-force[2] / (0.1 * abs(PER_KELVIN[2]))), rel=1e-6)
+    assert certain.warm[2] == pytest.approx(-math.expm1(-1.0), rel=1e-6)
+
+
+def test_what_is_left_of_a_released_force_is_the_warmth_of_that_force_alone() -> None:
+    # An edge that has left long ago keeps a force up for a while. It tells nothing of the warmth of others.
+    each, force, least = response(), np.zeros(TAXELS), np.zeros(TAXELS)
+    force[2], least[2] = WARMTH_FORCE, 0.1 * WARMTH_FORCE
+    for _ in range(500):
+        each.advance(force, least, force, BLOCK, warmth=0.03)
+    seems, certain = each.warm[2], -math.expm1(-0.1)
+    each.disown(2, -0.01, 0.03)  # below zero nothing is left
+    each.disown(2, 0.01, -0.03)  # a cold object adds to the signal
+    assert each.warm[2] == seems
+    each.disown(2, 0.01, 0.03)
+    assert each.warm[2] == pytest.approx(seems - 0.01 / (0.03 * abs(PER_KELVIN[2])), rel=1e-9)
+    each.disown(2, 1.0, 0.03)
+    assert each.warm[2] == pytest.approx(certain, rel=1e-6)
+    with pytest.raises(IndexError):
+        each.disown(TAXELS, 1.0, 0.03)
+
+
+def test_without_a_calibration_no_more_warmth_is_expected_than_a_force_seems_to_cause() -> None:
+    priors = replace(PRIORS, warmth_certain=0.0)
+    each = TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, priors)
+    least = np.full(TAXELS, WARMTH_FORCE)
+    each.advance(np.append(WARMTH_FORCE, np.zeros(TAXELS - 1)), least, least, BLOCK)
+    assert each.warm[0] > 0.0
+    assert not each.warm[1:].any()
 
 
 def test_a_reset_forgets_all_touches() -> None:

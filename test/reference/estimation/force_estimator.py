@@ -29,6 +29,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation.contact_surroundings import ContactSurroundings
 from reference.estimation.error_states import SharedDynamics, start_belief, start_covariance, start_mean
+from reference.estimation.held_forces import HeldForces
 from reference.estimation.jump_noise import QUIET, JumpNoise
 from reference.estimation.known_forces import (
     GATE,
@@ -43,7 +44,7 @@ from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import TemperatureWalk
-from reference.estimation.touch_response import LEAST_WARMTH_FORCE, TouchResponse
+from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from reference.reductions import any_true, median, upper_median
 
@@ -300,7 +301,7 @@ class ForceEstimator:
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
-        self._surroundings = ContactSurroundings(sensor.layout)
+        self._surroundings, self._held_forces = ContactSurroundings(sensor.layout), HeldForces(sensor.layout)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film: Thermometers = self._integration.thermometers
@@ -577,6 +578,9 @@ class ForceEstimator:
         released = self._release.update(contacts, self._mean, course, self._touched, variance, noise)
         if released is not None:
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
+            self._touch.disown(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
+            warm = self._per_kelvin * self._touch.warm
+            block.response[:, Shared.WARMTH] = np.where(released, warm, block.response[:, Shared.WARMTH])
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
@@ -800,8 +804,13 @@ class ForceEstimator:
             tail = np.where(around, tail, 0.0)
             least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
             most = np.maximum(force, 2.0 * self._tail_spread() * tail)
+        # Where warmth might be all of a force, it is what it was when that beside it came to rest.
+        certain = ~self.ignored & (least > self._threshold)
+        self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
+        if any_true(listed):
+            least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
         slower = (1.0 + float(shared[Shared.LEAK])) / self._integration.leak - 1.0
-        self._touch.advance(force, least, most, self._elapsed, slower)
+        self._touch.advance(force, least, most, self._elapsed, slower, float(shared[Shared.WARMTH]))
 
     def _tail_spread(self) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
@@ -1230,7 +1239,11 @@ class ForceEstimator:
         felt = np.where(self._touched & ~self._tapped & ~any_true(self._listed), mean, 0.0)
         variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
         kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
-        most = np.abs(self._per_kelvin) * kelvin * -np.expm1(-felt / LEAST_WARMTH_FORCE)
+        most = (
+            np.abs(self._per_kelvin)
+            * kelvin
+            * -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)
+        )
         self._hidden += -math.expm1(-block.duration / self._priors.warmth_time) * (most - self._hidden)
 
     def _is_valid(self) -> bool:
@@ -1255,7 +1268,7 @@ class ForceEstimator:
         if total < -SURPRISING * deviation - self._threshold:
             return False  # no object pulls
         noise = math.sqrt(float(self._noise_variance[counted].sum()))
-        force = greatest if present < RELEASING * greatest else present - SURPRISING * noise  # a release
+        force = greatest if present < RELEASING * greatest else present - GATE * noise  # a release
         return deviation <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
 
     def _confirm_offsets(self, duration: float) -> None:

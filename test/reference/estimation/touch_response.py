@@ -17,15 +17,9 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.types import Array
+from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import COUNT, CREEPS, LOOPS, ErrorPriors, Shared
 from posfet_model.sensor.description import Layout
-
-WARMTH_FORCE: Final = 0.05
-"""Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed."""
-
-LEAST_WARMTH_FORCE: Final = 0.005
-"""The least that it may be [N], assumed: a soft object may touch a taxel wholly at once."""
 
 LEAST_LEAK: Final = 0.5
 """Least time constant of a leak that is simulated, relative to that of the description [1]."""
@@ -56,7 +50,8 @@ class TouchResponse:
         self._y = (rows - 0.5 * (layout.rows - 1)) / max(0.5 * (layout.rows - 1), 0.5)
         self._tau = time_constant
         self._per_kelvin = newton_per_kelvin
-        self._warmth_time, self._warmth_weak = priors.warmth_time, priors.warmth_weak
+        self._warmth_time, self._warmth_force = priors.warmth_time, priors.warmth_force
+        self._warmth_force_spread, self._warmth_certain = priors.warmth_force_spread, priors.warmth_certain
         self._creep_times = np.array(priors.creep_times)
         self._half_widths = np.array(priors.loop_half_widths)[:, None]
         self._weights, self._slope = np.array(priors.loop_weights), priors.loop_slope
@@ -72,6 +67,7 @@ class TouchResponse:
         self._force = np.zeros(taxels)
         self.warm = np.zeros(taxels)
         """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
+        self._certain = np.zeros(taxels)  # the same by what the forces were at least
         self.range = np.zeros(taxels)
         """By how much the greatest thermal contact that there may be differs from the least [1], shape [taxels]."""
         self.responding = False
@@ -82,7 +78,7 @@ class TouchResponse:
         self._followed[:] = self._plays[:] = self.loops[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
-        self.warm[:] = self.range[:] = self._warmed[:] = 0.0
+        self.warm[:] = self._certain[:] = self.range[:] = self._warmed[:] = 0.0
         self.warming = 0.0
         self.responding = False
 
@@ -92,7 +88,9 @@ class TouchResponse:
         leaked: Array = self._force - self._charge
         return leaked
 
-    def advance(self, force: Array, least: Array, most: Array, duration: float, leak: float = 0.0) -> None:
+    def advance(
+        self, force: Array, least: Array, most: Array, duration: float, leak: float = 0.0, warmth: float = 0.0
+    ) -> None:
         """Advance by a block.
 
         Parameters
@@ -107,6 +105,8 @@ class TouchResponse:
             Duration of the block [s].
         leak : float, optional
             Relative error of the leak rates as far as it is known [1]: the charge leaks with ``tau*(1 + leak)``.
+        warmth : float, optional
+            Warmth of a touched taxel as far as it is known [K].
         """
         self.responding |= bool(force.any())
         if not self.responding:
@@ -122,14 +122,33 @@ class TouchResponse:
         follows = -np.expm1(-duration / self._chip_times) * (float(force.sum()) - self._warmed)
         self._warmed += follows
         self.warming = float(self._chip_warming @ follows) / duration
-        # Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
-        # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
-        # would the part that a weaker force causes, were it not driven by what the force is at least.
-        strong, weak = -np.expm1(-force / WARMTH_FORCE), -np.expm1(-least / LEAST_WARMTH_FORCE)
+        # The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
+        # warms hides at most as much of a force as there is. What a force is at least has all of it.
+        own = np.maximum(self._warmth_force, -self._per_kelvin * warmth)
+        certain = -self._warmth_certain * np.expm1(-least / self._warmth_force)
+        contact = np.maximum(-np.expm1(-force / own), certain)
         warming = -np.expm1(-duration / self._warmth_time)
-        self.warm += warming * (strong + self._warmth_weak * (weak - strong) - self.warm)
-        between = np.exp(-least / WARMTH_FORCE) - np.exp(-most / LEAST_WARMTH_FORCE)
+        self._certain += warming * (certain - self._certain)
+        self.warm += warming * (contact - self.warm)
+        between = np.exp(-least / own) - np.exp(-most * self._warmth_force_spread / self._warmth_force)
         self.range += warming * (between - self.range)
+
+    def disown(self, where: Mask, left: Array, warmth: float) -> None:
+        """Take what is left of released forces for their own warmth, as far as that was only the force's.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels that were released.
+        left : ndarray of float64, shape [taxels]
+            What is left of their forces [N].
+        warmth : float
+            Warmth of a touched taxel as far as it is known [K].
+        """
+        per_warm = -self._per_kelvin * warmth
+        where = where & (left > 0.0) & (per_warm > 0.0)
+        own = np.minimum(left, per_warm * np.maximum(self.warm - self._certain, 0.0))
+        self.warm -= np.divide(own, per_warm, out=np.zeros_like(own), where=where)
 
     def matrix(self) -> Array:
         """Return the responses h of the force errors to the shared states, shape [taxels, COUNT]."""

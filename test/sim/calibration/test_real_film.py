@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
     NOMINAL_BENDING_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
+    NOMINAL_WARMTH_FORCE,
     NOMINAL_WARMTH_TIME_CONSTANT,
     Calibration,
 )
@@ -112,7 +114,16 @@ def test_the_time_constant_of_that_rise_is_found(name: str, fitted: Fits) -> Non
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
 
-def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
+@pytest.mark.parametrize("half", [0.004, 0.04])
+def test_the_force_that_causes_most_of_that_rise_is_found(half: float) -> None:
+    """The film saturates otherwise than the fit: as F/(F + half), and so by 1 - 1/e at 1.72 times that force."""
+    board = record(SENSOR, Film(warmth=0.03, warmth_force=half))
+    found = fit(SENSOR, board.recording, DATE)
+    assert found.warmth_force == pytest.approx(half * (math.e - 1.0), rel=0.4)
+    assert abs(found.warmth - 0.03) < found.warmth_deviation
+
+
+def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant_and_force(
     fitted: Fits,
 ) -> None:
     # What fits best is the time constant of something else, and would be one of all that remains after a touch.
@@ -120,6 +131,7 @@ def test_a_film_that_does_not_warm_keeps_the_nominal_time_constant(
     assert cold
     for name in cold:
         assert fitted[name][1].warmth_time_constant == NOMINAL_WARMTH_TIME_CONSTANT
+        assert fitted[name][1].warmth_force == NOMINAL_WARMTH_FORCE
 
 
 def loop_gain(film: Film, force: float) -> float:
@@ -253,9 +265,22 @@ def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path)
     for name in (
         "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
-        "warmth_time_constant", "warmth_weak_share", "bending", "bending_deviation",
+        "warmth_time_constant", "warmth_force", "bending", "bending_deviation",
         "hysteresis_half_widths", "hysteresis_weights", "hysteresis_slope",
         "chip_warming_time_constants", "chip_warming",
         "thermal_time_constant", "temperature",
     ):  # fmt: skip
         np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-5, err_msg=name)
+
+
+def test_a_file_with_the_share_of_a_weak_force_is_read(fitted: Fits, tmp_path: Path) -> None:
+    path, found = tmp_path / "cal.yaml", fitted["all"][1]
+    for share, force in ((0.0, 0.05), (50.0, 0.0158), (100.0, 0.005)):
+        save_calibration(path, SENSOR, found)
+        lines = path.read_text(encoding="utf-8").splitlines()
+        (at,) = (index for index, line in enumerate(lines) if "saturation_force_mN" in line)
+        lines[at] = f"  weak_share_percent: {share}"
+        path.write_text("\n".join(lines), encoding="utf-8")
+        again = load_calibration(path, SENSOR)
+        assert again.warmth_force == pytest.approx(force, rel=1e-2)
+        assert again.warmth_time_constant == pytest.approx(found.warmth_time_constant, rel=1e-5)

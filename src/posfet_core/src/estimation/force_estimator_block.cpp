@@ -128,10 +128,28 @@ void ForceEstimator::measure_touch(Block& block) {
     least[taxel] = std::max(force[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
     most[taxel] = std::max(force[taxel], spread * tail);
   }
+  add_held_forces(force, least, block.duration);
   const double slower = (1.0 + belief()->shared[kLeak]) / block.leak - 1.0;
-  touch_.advance(force, least, most, block.duration, slower);
+  touch_.advance(force, least, most, block.duration, {slower, belief()->shared[kWarmth]});
   touch_.matrix(block.response);
   block.warming = touch_.warming();
+}
+
+/// Raise what forces are at least, where warmth might be all of them, to what they were when what certainly presses
+/// beside them came to rest.
+void ForceEstimator::add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration) {
+  TaxelFlags& certain = odd_;
+  std::vector<double>& pressing = residual_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    pressing[taxel] = ignored()[taxel] ? 0.0 : force[taxel];
+    certain[taxel] = !ignored()[taxel] && least[taxel] > array_.threshold;
+  }
+  held_forces_.update(pressing, certain, duration);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (chosen_[taxel] && !certain[taxel]) {
+      least[taxel] = std::max(least[taxel], held_forces_.held(taxel));
+    }
+  }
 }
 
 /// Force of a touched taxel, but for its noise [N]; none of the others.

@@ -130,7 +130,7 @@ void ForceEstimator::follow_hidden(const Block& block) {
     tapped_[taxel] = touched_[taxel] && (tapped_[taxel] || tap);
     felt_[taxel] = mean;
     const double felt = begins && touched_[taxel] && !tapped_[taxel] ? mean : 0.0;
-    const double share = -std::expm1(-felt / kLeastWarmthForce);
+    const double share = -std::expm1(-felt * priors_.warmth_force_spread / priors_.warmth_force);
     hidden_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - hidden_[taxel]);
   }
 }
@@ -231,7 +231,7 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted, double total) const {
   // A release makes the force small before it is found.
   const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
   const double present = std::abs(total);
-  const double force = present < kReleasing * greatest ? greatest : present - kSurprising * std::sqrt(noise);
+  const double force = present < kReleasing * greatest ? greatest : present - kGate * std::sqrt(noise);
   return deviation <= std::max(max_relative_uncertainty * force, kLeastDeviation * array_.threshold);
 }
 

@@ -513,7 +513,7 @@ void ForceEstimator::reset_released(const Block& block) {
 }
 
 /// Set the forces of released contacts to zero.
-void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& contacts) {
+void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts) {
   std::vector<double>& variance = values_;
   std::vector<double>& course = residual_;
   const std::vector<double>& shared = state().correlated_error;
@@ -532,6 +532,8 @@ void ForceEstimator::release(const Block& block, const Vector<const Taxels*>& co
   find_absorbed(absorbed_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
+      touch_.disown(taxel, mean_[taxel], belief()->shared[kWarmth]);
+      block.response[taxel * kSharedStates + kWarmth] = array_.newton_per_kelvin[taxel] * touch_.warm()[taxel];
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);

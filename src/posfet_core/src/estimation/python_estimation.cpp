@@ -460,7 +460,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 29> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 31> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -482,7 +482,9 @@ ErrorPriors priors_from(const py::object& priors) {
       {"warmth", &ErrorPriors::warmth},
       {"warmth_least", &ErrorPriors::warmth_least},
       {"warmth_spread", &ErrorPriors::warmth_spread},
-      {"warmth_weak", &ErrorPriors::warmth_weak},
+      {"warmth_force", &ErrorPriors::warmth_force},
+      {"warmth_force_spread", &ErrorPriors::warmth_force_spread},
+      {"warmth_certain", &ErrorPriors::warmth_certain},
       {"warmth_contact", &ErrorPriors::warmth_contact},
       {"warmth_time", &ErrorPriors::warmth_time},
       {"loop_slope", &ErrorPriors::loop_slope},

@@ -21,6 +21,7 @@
 #include "../python_bindings.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
@@ -169,12 +170,22 @@ void bind_touch_response(const py::module_& module) {
       .def(
           "advance",
           [](TouchResponse& response, const Values& force, const Values& least, const Values& most, double duration,
-             double leak) {
+             double leak, double warmth) {
             require_all(response.warm().size(), {force, least, most});
-            response.advance(vector_of(force), vector_of(least), vector_of(most), duration, leak);
+            response.advance(vector_of(force), vector_of(least), vector_of(most), duration, {leak, warmth});
           },
           py::arg("force"), py::arg("least"), py::arg("most"), py::arg("duration"), py::arg("leak") = 0.0,
-          "Advance by a block.")
+          py::arg("warmth") = 0.0, "Advance by a block.")
+      .def(
+          "disown",
+          [](TouchResponse& response, std::size_t taxel, double left, double warmth) {
+            if (taxel >= response.warm().size()) {
+              throw py::index_error("no such taxel");
+            }
+            response.disown(taxel, left, warmth);
+          },
+          py::arg("taxel"), py::arg("left"), py::arg("warmth"),
+          "Take what is left of the force of a taxel that was released for the warmth of that force.")
       .def(
           "matrix",
           [](const TouchResponse& response) {
@@ -183,8 +194,33 @@ void bind_touch_response(const py::module_& module) {
             return array_of(matrix, static_cast<py::ssize_t>(kSharedStates));
           },
           "Return the responses of the force errors to the shared states, [taxels, states].");
-  module.attr("WARMTH_FORCE") = kWarmthForce;
-  module.attr("LEAST_WARMTH_FORCE") = kLeastWarmthForce;
+}
+
+void bind_held_forces(const py::module_& module) {
+  py::class_<HeldForces>(module, "HeldForces",
+                         "Forces of weakly touched taxels beside what certainly presses, and rests.")
+      .def(py::init([](const Layout& layout) { return HeldForces(Grid(layout)); }), py::arg("layout"))
+      .def(
+          "update",
+          [](HeldForces& forces, const Values& force, const Tested& certain, double duration) {
+            require_all(forces.taxels(), {force, certain});
+            TaxelFlags flags(forces.taxels());
+            flags.set(certain.data());
+            forces.update(vector_of(force), flags, duration);
+          },
+          py::arg("force"), py::arg("certain"), py::arg("duration"), "Process a block.")
+      .def_property_readonly(
+          "held",
+          [](const HeldForces& forces) {
+            std::vector<double> held(forces.taxels());
+            for (std::size_t taxel = 0; taxel < held.size(); ++taxel) {
+              held[taxel] = forces.held(taxel);
+            }
+            return array_of(held);
+          },
+          "Forces when those beside them came to rest [N]; 0: unknown, or they do not rest.");
+  module.attr("HELD_PLAY") = kHeldPlay;
+  module.attr("HELD_TIME") = kHeldTime;
 }
 
 void bind_noise(const py::module_& module) {
@@ -496,6 +532,7 @@ void bind_estimation_parts(py::module_& module) {
   bind_surroundings(module);
   bind_dynamics(module);
   bind_touch_response(module);
+  bind_held_forces(module);
   bind_noise(module);
   bind_validity(module);
   bind_residuals(module);

@@ -19,7 +19,9 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
     : tau_(std::move(time_constant)),
       per_kelvin_(std::move(newton_per_kelvin)),
       warmth_time_(priors.warmth_time),
-      warmth_weak_(priors.warmth_weak),
+      warmth_force_(priors.warmth_force),
+      warmth_force_spread_(priors.warmth_force_spread),
+      warmth_certain_(priors.warmth_certain),
       creep_times_(priors.creep_times),
       half_widths_(priors.loop_half_widths),
       weights_(priors.loop_weights),
@@ -38,7 +40,7 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
 }
 
 void TouchResponse::reset() {
-  for (auto* values : {&charge_, &force_, &warm_, &range_, &loops_}) {
+  for (auto* values : {&charge_, &force_, &warm_, &certain_, &range_, &loops_}) {
     values->assign(tau_.size(), 0.0);
   }
   for (auto& values : followed_) {
@@ -53,7 +55,7 @@ void TouchResponse::reset() {
 }
 
 void TouchResponse::advance(const std::vector<double>& force, const std::vector<double>& least,
-                            const std::vector<double>& most, double duration, double leak) {
+                            const std::vector<double>& most, double duration, const Known& known) {
   responding_ = responding_ || std::any_of(force.begin(), force.end(), [](double each) { return each != 0.0; });
   if (!responding_) {
     return;
@@ -74,17 +76,18 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
   }
   const double warming = -std::expm1(-duration / warmth_time_);
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    const double ratio = duration / (tau_[taxel] * std::max(1.0 + leak, kLeastLeak));
+    const double ratio = duration / (tau_[taxel] * std::max(1.0 + known.leak, kLeastLeak));
     const double left = std::exp(-ratio);
     charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
     force_[taxel] = force[taxel];
-    // Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
-    // force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up. So
-    // would the part that a weaker force causes, were it not driven by what the force is at least.
-    const double strong = -std::expm1(-force[taxel] / kWarmthForce);
-    const double weak = -std::expm1(-least[taxel] / kLeastWarmthForce);
-    warm_[taxel] += warming * (strong + warmth_weak_ * (weak - strong) - warm_[taxel]);
-    const double range = std::exp(-least[taxel] / kWarmthForce) - std::exp(-most[taxel] / kLeastWarmthForce);
+    // The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
+    // warms hides at most as much of a force as there is. What a force is at least has all of it.
+    const double self = std::max(warmth_force_, -per_kelvin_[taxel] * known.warmth);
+    const double certain = -warmth_certain_ * std::expm1(-least[taxel] / warmth_force_);
+    const double contact = std::max(-std::expm1(-force[taxel] / self), certain);
+    certain_[taxel] += warming * (certain - certain_[taxel]);
+    warm_[taxel] += warming * (contact - warm_[taxel]);
+    const double range = std::exp(-least[taxel] / self) - std::exp(-most[taxel] * warmth_force_spread_ / warmth_force_);
     range_[taxel] += warming * (range - range_[taxel]);
   }
 }
@@ -98,6 +101,14 @@ void TouchResponse::follow_loops(const std::vector<double>& force) {
       play = std::min(std::max(play, force[taxel] - half_widths_[loop]), force[taxel] + half_widths_[loop]);
       loops_[taxel] += weights_[loop] * (force[taxel] - play);
     }
+  }
+}
+
+void TouchResponse::disown(std::size_t taxel, double left, double warmth) {
+  const double per_warm = -per_kelvin_[taxel] * warmth;
+  if (left > 0.0 && per_warm > 0.0) {
+    const double own = std::min(left, per_warm * std::max(warm_[taxel] - certain_[taxel], 0.0));
+    warm_[taxel] -= own / per_warm;
   }
 }
 

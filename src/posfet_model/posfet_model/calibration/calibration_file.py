@@ -98,7 +98,7 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "level_K": _number(calibration.warmth),
             "deviation_K": _number(calibration.warmth_deviation),
             "time_constant_s": _number(calibration.warmth_time_constant),
-            "weak_share_percent": _number(calibration.warmth_weak_share * 100),
+            "saturation_force_mN": _number(calibration.warmth_force * 1e3),
         },
         "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
     }
@@ -248,11 +248,12 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
     )
     if "time_constant_s" in warmth:
-        calibration = replace(
-            calibration,
-            warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4),
-            warmth_weak_share=warmth.number("weak_share_percent", 0.0, 100.0) / 100,
-        )
+        calibration = replace(calibration, warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4))
+    if "weak_share_percent" in warmth:  # of a force of 5 mN; the rest saturated at 50 mN
+        share = warmth.number("weak_share_percent", 0.0, 100.0) / 100
+        calibration = replace(calibration, warmth_force=0.05 * 0.1**share)
+    elif "saturation_force_mN" in warmth:
+        calibration = replace(calibration, warmth_force=warmth.number("saturation_force_mN", 0.1, 1e4) * 1e-3)
     if "leak_temperature" in top:
         leak = top.section("leak_temperature")
         calibration = replace(

@@ -29,8 +29,9 @@ their gain. Other forces have another, which the deviation of the gains contains
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -41,7 +42,8 @@ from posfet_model.calibration.bending_fit import SLOW, BendingFit, BendingSource
 from posfet_model.calibration.fit_checks import check_bending, check_ranges, check_responses, check_temperature
 from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass, play_distance
 from posfet_model.calibration.response_fit import (
-    TOUCH_FORCES,
+    WARMTH_FORCE_SPREAD,
+    WARMTH_FORCES,
     WARMTH_TIME_CONSTANTS,
     WARMTH_TIME_SPREAD,
     ResponseFit,
@@ -56,6 +58,7 @@ from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
     CALIBRATED_COMMON_LEAK_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
+    NOMINAL_WARMTH_FORCE,
     NOMINAL_WARMTH_TIME_CONSTANT,
     Calibration,
     Residuals,
@@ -199,7 +202,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
         thermal = data.fit_temperature()
         shares = data.film_shares(found, dead)
         last = index == ROUNDS - 1
-        data.fit_warmth_time(found, shares, dead)
+        data.fit_warmth(found, shares, dead)
         found = data.fit_all(found, shares, dead, with_crosstalk=not last)
         if not last:
             data.compensate(data.crosstalk + _crosstalk(found))
@@ -254,6 +257,8 @@ class _Data:
         self.film_lag = sensor.device.thermal_time_constant
         self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
         """Time constant of the temperature rise of touched taxels [s]."""
+        self.warmth_force = NOMINAL_WARMTH_FORCE
+        """Force at which they have 1 - 1/e of it [N]."""
         self.newton_per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
         self.shares = np.ones(self.taxels)
         """Signal of each taxel per common-mode signal [1], of the last fit."""
@@ -483,28 +488,46 @@ class _Data:
         self.shares, self.offsets = share, offset
         return _Shares(share, offset)
 
-    def fit_warmth_time(self, before: ResponseFit, shares: _Shares, dead: Mask) -> None:
-        """Find the time constant of the temperature rise of touched taxels, downhill from the nominal one."""
+    def fit_warmth(self, before: ResponseFit, shares: _Shares, dead: Mask) -> None:
+        """Find time constant and saturation of the temperature rise of touched taxels, from the nominal ones."""
         if self.hold is None:
             return
-        times = WARMTH_TIME_CONSTANTS
         nominal = self.fit_all(before, shares, dead, with_crosstalk=False)
-        if abs(float(nominal.common[len(POLES) :].sum())) < WARMTH_DOUBT[0]:
-            return  # no more than the taxels may differ by: what fits best is the time constant of something else
-        doubts = [(math.log(time / NOMINAL_WARMTH_TIME_CONSTANT) / WARMTH_TIME_SPREAD) ** 2 for time in times]
+        if abs(float(nominal.common[len(POLES)])) < WARMTH_DOUBT[0]:
+            return  # no more than the taxels may differ by: what fits best is that of something else
+
+        def fit_with(time: float, force: float) -> ResponseFit:
+            self.warmth_time, self.warmth_force = time, force
+            return self.fit_all(before, shares, dead, with_crosstalk=False)
+
+        force = self._likeliest(
+            WARMTH_FORCES, NOMINAL_WARMTH_FORCE, WARMTH_FORCE_SPREAD, partial(fit_with, NOMINAL_WARMTH_TIME_CONSTANT)
+        )
+        time = self._likeliest(
+            WARMTH_TIME_CONSTANTS,
+            NOMINAL_WARMTH_TIME_CONSTANT,
+            WARMTH_TIME_SPREAD,
+            lambda each: fit_with(each, force),
+        )
+        self.warmth_time, self.warmth_force = time, force
+
+    def _likeliest(
+        self, values: Sequence[float], nominal: float, spread: float, fit_with: Callable[[float], ResponseFit]
+    ) -> float:
+        """Return the value with which a fit is the likeliest, downhill from the nominal one."""
+        doubts = [(math.log(value / nominal) / spread) ** 2 for value in values]
         fits: dict[int, ResponseFit] = {}
         middle, least = -1, int(np.argmin(doubts))
-        while middle != least and 0 < least < len(times) - 1:
+        while middle != least and 0 < least < len(values) - 1:
             middle = least
             near = range(middle - 1, middle + 2)
             for index in near:
-                self.warmth_time = times[index]
-                fits[index] = fits.get(index) or self.fit_all(before, shares, dead, with_crosstalk=False)
+                fits[index] = fits.get(index) or fit_with(values[index])
             # What is left where all else fits is no noise on a real film: it says less than its number of blocks.
             variances = min((fits[index].variances(self.noise) for index in near), key=lambda each: sum(each.values()))
             unlikely = [fits[index].square_sum(variances) + doubts[index] for index in near]
             least = near[int(np.argmin(unlikely))]
-        self.warmth_time = least_of_parabola([times[index] for index in near], unlikely)
+        return least_of_parabola([values[index] for index in near], unlikely)
 
     def fit_all(self, before: ResponseFit, shares: _Shares, dead: Mask, with_crosstalk: bool) -> ResponseFit:
         """Fit presses and long hold jointly, common mode and bending subtracted; the neighbours' signals on demand."""
@@ -538,9 +561,8 @@ class _Data:
             return None
         force = self.force[:, taxel]
         columns = [low_pass(self.time, force, pole) for pole in POLES]
-        for relative in TOUCH_FORCES:
-            touched = -np.expm1(-np.maximum(force, 0.0) / (relative * self.sensor.contact.threshold))
-            columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, self.warmth_time))
+        touched = -np.expm1(-np.maximum(force, 0.0) / self.warmth_force)
+        columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, self.warmth_time))
         return np.stack(columns, axis=1)
 
 
@@ -573,13 +595,11 @@ def _calibration(
     atypical = _loop_slopes(TYPICAL_FORCE / ATYPICAL) - _loop_slopes(TYPICAL_FORCE * ATYPICAL)
     doubt = HYSTERESIS_DOUBT * np.abs(weights).sum()
     deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)), doubt)
-    warmth, warmth_deviation, weak_share = 0.0, NOMINAL_WARMTH_DEVIATION, 0.0
+    warmth, warmth_deviation = 0.0, NOMINAL_WARMTH_DEVIATION
     deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
     if poles and deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles:].sum())
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
-        if abs(warmth) > warmth_deviation:  # a share of nothing is anything
-            weak_share = float(np.clip(found.common[poles] / warmth, 0.0, 1.0))
     film_lag, sensor_lag = data.film_lag, 0.0
     leak: dict[str, float] = {}
     if thermal is not None:
@@ -609,7 +629,7 @@ def _calibration(
         warmth=warmth,
         warmth_deviation=warmth_deviation,
         warmth_time_constant=data.warmth_time,
-        warmth_weak_share=weak_share,
+        warmth_force=data.warmth_force,
         bending=bending.sizes,
         bending_deviation=bending.deviations,
         chip_warming_time_constants=np.array(SLOW),

@@ -42,9 +42,11 @@ them by a parabola of the sums of squares."""
 WARMTH_TIME_SPREAD: Final = 0.8
 """Standard deviation of the logarithm of that time constant about the nominal one [1], assumed."""
 
-TOUCH_FORCES: Final = (0.25, 2.5)
-"""Force from which a taxel is touched over most of its area, relative to the contact threshold [1]: unknown, but
-between these; a smaller force touches a part of it. The temperature rise is the sum of both parts."""
+WARMTH_FORCES: Final = (0.0035, 0.0053, 0.008, 0.012, 0.018, 0.027, 0.04, 0.06, 0.09, 0.135, 0.2)
+"""Forces at which a taxel may have 1 - 1/e of the temperature rise of a strong touch [N]: found likewise."""
+
+WARMTH_FORCE_SPREAD: Final = 1.0
+"""Standard deviation of the logarithm of that force about the nominal one [1], assumed."""
 
 SIZE_DEVIATION: Final = 0.1
 """Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
@@ -154,7 +156,7 @@ def fit_responses(
         of_taxel.setdefault(segment.taxel, []).append(segment)
     poles = segments[0].common_sources.shape[1]
     prior = np.full(poles, SIZE_DEVIATION)
-    prior[-len(TOUCH_FORCES) :] = WARMTH_PRIOR
+    prior[-1:] = WARMTH_PRIOR
     common, covariance = np.zeros(poles), np.diag(prior**2)
     responses = dict(start)
     limits = RATE_RANGE[0] * nominal_rate, RATE_RANGE[1] * nominal_rate

@@ -50,6 +50,9 @@ within 15 K on some boards, and hardly change on others."""
 NOMINAL_WARMTH_DEVIATION: Final = 0.03
 """Standard deviation of the temperature rise of a touched taxel that was not measured [K], assumed: a thick chip."""
 
+NOMINAL_WARMTH_FORCE: Final = 0.05
+"""Force on a taxel at which it has 1 - 1/e of the temperature rise of a strong touch [N], assumed."""
+
 NOMINAL_WARMTH_TIME_CONSTANT: Final = 0.5
 """Time constant of that temperature rise [s], assumed."""
 
@@ -136,8 +139,8 @@ class Calibration:
     """Standard deviation of `warmth` [K]."""
     warmth_time_constant: float = NOMINAL_WARMTH_TIME_CONSTANT
     """Time constant with which the film warms and cools [s]."""
-    warmth_weak_share: float = 0.0
-    """Share of `warmth` that a force well below the contact threshold causes, too [1]."""
+    warmth_force: float = NOMINAL_WARMTH_FORCE
+    """Force on a taxel that causes 1 - 1/e of it [N]: the thermal contact saturates."""
     bending: Array = field(default_factory=_none)
     """Charge that bending of the chip makes on every taxel, as a force per total force; the same that its gradients in
     x and y make at the edges of the array; and, per moment of the forces about the middle relative to half a side, as

@@ -150,8 +150,15 @@ class ErrorPriors:
     """Difference between the warmth of one taxel and that of the others [K], and"""
     warmth_spread: float = 0.25
     """as a share of the common warmth [1]."""
-    warmth_weak: float = 0.0
-    """Share of that warmth which a weak force causes, too [1]."""
+    warmth_force: float = 0.05
+    """Force of a taxel at which it has 1 - 1/e of that warmth [N], assumed: the thermal contact saturates."""
+    warmth_force_spread: float = 10.0
+    """Factor by which that force may be less [1], assumed: a soft object may touch a taxel wholly at once."""
+    warmth_force_spread_calibrated: float = 2.0
+    """The same with calibration [1]."""
+    warmth_certain: float = 0.0
+    """Share of the thermal contact by what a force is at least that is expected [1]: without a calibration none is, as
+    warmth itself; with one, all."""
     warmth_contact: float = 0.58
     """Standard deviation of the thermal contact under a weak force, over the range in which it may be [1], and"""
     warmth_contact_calibrated: float = 0.2
@@ -209,8 +216,9 @@ class ErrorPriors:
         if calibration.warmth_observed:
             deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
-            found |= {"warmth_time": calibration.warmth_time_constant, "warmth_weak": calibration.warmth_weak_share}
-            found["warmth_contact"] = self.warmth_contact_calibrated
+            found |= {"warmth_time": calibration.warmth_time_constant, "warmth_force": calibration.warmth_force}
+            found |= {"warmth_contact": self.warmth_contact_calibrated, "warmth_certain": 1.0}
+            found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
         if len(calibration.chip_warming):
             sizes, times = calibration.chip_warming.tolist(), calibration.chip_warming_time_constants.tolist()
             rate = sum(size / each for size, each in zip(sizes, times, strict=True))

@@ -49,7 +49,9 @@ struct ErrorPriors {
   double warmth;
   double warmth_least;
   double warmth_spread;
-  double warmth_weak;
+  double warmth_force;
+  double warmth_force_spread;
+  double warmth_certain;
   double warmth_contact;
   double warmth_time;
   std::array<double, kCreeps> creep_times;

@@ -27,6 +27,7 @@
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
@@ -199,6 +200,7 @@ private:
   bool find_unreleased(TaxelFlags& listed, Taxels& lost) const;
   void measure(Block& block);
   void measure_touch(Block& block);
+  void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
   void find_tails(Block& block);
   double held_force(const Block& block, std::size_t taxel) const;
   double find_moved_share(const Block& block);
@@ -233,7 +235,7 @@ private:
   void restart_or_correct(const Block& block);
   void find_released();
   void reset_released(const Block& block);
-  void release(const Block& block, const Vector<const Taxels*>& contacts);
+  void release(Block& block, const Vector<const Taxels*>& contacts);
   void end_unknown_touch(const Block& block);
 
   void finish(const Block& block);
@@ -264,6 +266,7 @@ private:
   JumpNoise jumps_;
   TemperatureWalk walk_;
   SteadyForce steady_force_;
+  HeldForces held_forces_;
   RestDetector rest_;
   NegativeForceMonitor negative_;
   LowerBoundMonitor lower_bound_;

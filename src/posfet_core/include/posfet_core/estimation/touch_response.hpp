@@ -19,12 +19,6 @@
 
 namespace posfet {
 
-/// Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed.
-constexpr double kWarmthForce = 0.05;
-
-/// The least that it may be [N], assumed: a soft object may touch a taxel wholly at once.
-constexpr double kLeastWarmthForce = 0.005;
-
 /// Least time constant of a leak that is simulated, relative to that of the description [1].
 constexpr double kLeastLeak = 0.5;
 
@@ -56,11 +50,20 @@ public:
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
 
+  /// What is known of the errors while the touch advances.
+  struct Known {
+    double leak;    ///< Relative error of the leak rates [1]: the charge leaks with tau*(1 + leak).
+    double warmth;  ///< Warmth of a touched taxel [K].
+  };
+
   /// Advance by a block [s] with the mean touched forces [N], 0 where untouched, and with what they are at `least` and
-  /// at `most`. `leak`: relative error of the leak rates as far as it is known [1]: the charge leaks with tau*(1 +
-  /// leak).
+  /// at `most`.
   void advance(const std::vector<double>& force, const std::vector<double>& least, const std::vector<double>& most,
-               double duration, double leak);
+               double duration, const Known& known);
+
+  /// Take what is left of the force of a taxel that was released [N] for the warmth of that force, as far as it was no
+  /// other's, at a common warmth [K].
+  void disown(std::size_t taxel, double left, double warmth);
 
   /// Find the responses h of the force errors to the shared states, [taxels, states].
   void matrix(std::vector<double>& response) const;
@@ -73,7 +76,9 @@ private:
   std::vector<double> tau_;
   std::vector<double> per_kelvin_;
   double warmth_time_;
-  double warmth_weak_;
+  double warmth_force_;
+  double warmth_force_spread_;
+  double warmth_certain_;
   std::array<double, kCreeps> creep_times_;
   std::array<double, kLoops> half_widths_;
   std::array<double, kLoops> weights_;
@@ -89,6 +94,7 @@ private:
   std::array<double, kWarmings> warmed_{};  ///< Total force that the chip's warmth follows [N].
   double warming_ = 0.0;
   std::vector<double> warm_;
+  std::vector<double> certain_;  ///< The same by what the forces were at least [1].
   std::vector<double> range_;
 };
 
