@@ -212,6 +212,21 @@ def test_a_calibration_makes_no_prior_less_certain() -> None:
     assert known.pyroelectric < priors.pyroelectric
 
 
+def test_the_saturation_of_a_warmth_that_a_calibration_found_is_expected() -> None:
+    priors = ErrorPriors()
+    known = priors.with_calibration(calibration(warmth=0.02, warmth_deviation=0.004, warmth_force=0.012))
+    assert known.warmth_force == 0.012
+    assert known.warmth_certain == 1.0
+    assert 1.0 < known.warmth_force_spread < priors.warmth_force_spread
+
+
+def test_the_saturation_of_nothing_is_not() -> None:
+    priors = ErrorPriors()
+    known = priors.with_calibration(calibration(warmth=1e-4, warmth_deviation=0.003, warmth_force=0.012))
+    names = ("warmth_force", "warmth_certain", "warmth_force_spread")
+    assert [getattr(known, name) for name in names] == [getattr(priors, name) for name in names]
+
+
 def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> None:
     priors = ErrorPriors()
     known = priors.with_calibration(

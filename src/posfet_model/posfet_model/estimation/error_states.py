@@ -216,9 +216,10 @@ class ErrorPriors:
         if calibration.warmth_observed:
             deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
-            found |= {"warmth_time": calibration.warmth_time_constant, "warmth_force": calibration.warmth_force}
-            found |= {"warmth_contact": self.warmth_contact_calibrated, "warmth_certain": 1.0}
-            found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
+            found |= {"warmth_time": calibration.warmth_time_constant, "warmth_contact": self.warmth_contact_calibrated}
+            if abs(calibration.warmth) > calibration.warmth_deviation:  # what saturates is more than nothing
+                found |= {"warmth_force": calibration.warmth_force, "warmth_certain": 1.0}
+                found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
         if len(calibration.chip_warming):
             sizes, times = calibration.chip_warming.tolist(), calibration.chip_warming_time_constants.tolist()
             rate = sum(size / each for size, each in zip(sizes, times, strict=True))
