@@ -196,8 +196,10 @@ def test_without_a_calibration_no_more_warmth_is_expected_than_a_force_seems_to_
     each = TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, priors)
     least = np.full(TAXELS, WARMTH_FORCE)
     each.advance(np.append(WARMTH_FORCE, np.zeros(TAXELS - 1)), least, least, BLOCK)
-    assert each.warm[0] > 0.0
+    assert (warm := each.warm[0]) > 0.0
     assert not each.warm[1:].any()
+    each.disown(0, 1.0, 0.03)
+    assert each.warm[0] == warm, "what is left of its force tells its warmth"
 
 
 def test_a_reset_forgets_all_touches() -> None:

@@ -805,10 +805,11 @@ class ForceEstimator:
             least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
             most = np.maximum(force, 2.0 * self._tail_spread() * tail)
         # Where warmth might be all of a force, it is what it was when that beside it came to rest.
-        certain = ~self.ignored & (least > self._threshold)
-        self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
-        if any_true(listed):
-            least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
+        if self._priors.warmth_certain > 0.0:
+            certain = ~self.ignored & (least > self._threshold)
+            self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
+            if any_true(listed):
+                least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
         slower = (1.0 + float(shared[Shared.LEAK])) / self._integration.leak - 1.0
         self._touch.advance(force, least, most, self._elapsed, slower, float(shared[Shared.WARMTH]))
 

@@ -146,7 +146,7 @@ class TouchResponse:
             Warmth of a touched taxel as far as it is known [K].
         """
         per_warm = -self._per_kelvin * warmth
-        where = where & (left > 0.0) & (per_warm > 0.0)
+        where = where & (left > 0.0) & (per_warm > 0.0) & (self._warmth_certain > 0.0)
         own = np.minimum(left, per_warm * np.maximum(self.warm - self._certain, 0.0))
         self.warm -= np.divide(own, per_warm, out=np.zeros_like(own), where=where)
 

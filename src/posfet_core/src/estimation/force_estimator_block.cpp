@@ -128,7 +128,9 @@ void ForceEstimator::measure_touch(Block& block) {
     least[taxel] = std::max(force[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
     most[taxel] = std::max(force[taxel], spread * tail);
   }
-  add_held_forces(force, least, block.duration);
+  if (priors_.warmth_certain > 0.0) {
+    add_held_forces(force, least, block.duration);
+  }
   const double slower = (1.0 + belief()->shared[kLeak]) / block.leak - 1.0;
   touch_.advance(force, least, most, block.duration, {slower, belief()->shared[kWarmth]});
   touch_.matrix(block.response);
