@@ -579,8 +579,7 @@ class ForceEstimator:
         if released is not None:
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
             self._touch.disown(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
-            warm = self._per_kelvin * self._touch.warm
-            block.response[:, Shared.WARMTH] = np.where(released, warm, block.response[:, Shared.WARMTH])
+            block.response[:] = self._touch.matrix()
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
@@ -1240,11 +1239,8 @@ class ForceEstimator:
         felt = np.where(self._touched & ~self._tapped & ~any_true(self._listed), mean, 0.0)
         variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
         kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
-        most = (
-            np.abs(self._per_kelvin)
-            * kelvin
-            * -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)
-        )
+        share = -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)
+        most = np.abs(self._per_kelvin) * kelvin * share
         self._hidden += -math.expm1(-block.duration / self._priors.warmth_time) * (most - self._hidden)
 
     def _is_valid(self) -> bool:

@@ -533,11 +533,11 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
       touch_.disown(taxel, mean_[taxel], belief()->shared[kWarmth]);
-      block.response[taxel * kSharedStates + kWarmth] = array_.newton_per_kelvin[taxel] * touch_.warm()[taxel];
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);
   }
+  touch_.matrix(block.response);
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());
   filter_.update(chosen_.data(), residual_.data(), sensitivity_.data(), noise_.data());

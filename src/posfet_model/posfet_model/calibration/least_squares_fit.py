@@ -31,7 +31,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -501,7 +500,10 @@ class _Data:
             return self.fit_all(before, shares, dead, with_crosstalk=False)
 
         force = self._likeliest(
-            WARMTH_FORCES, NOMINAL_WARMTH_FORCE, WARMTH_FORCE_SPREAD, partial(fit_with, NOMINAL_WARMTH_TIME_CONSTANT)
+            WARMTH_FORCES,
+            NOMINAL_WARMTH_FORCE,
+            WARMTH_FORCE_SPREAD,
+            lambda each: fit_with(NOMINAL_WARMTH_TIME_CONSTANT, each),
         )
         time = self._likeliest(
             WARMTH_TIME_CONSTANTS,

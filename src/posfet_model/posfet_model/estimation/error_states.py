@@ -17,7 +17,12 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Final
 
-from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION, Calibration
+from posfet_model.calibration.taxel_calibration import (
+    NOMINAL_BENDING_DEVIATION,
+    NOMINAL_WARMTH_FORCE,
+    NOMINAL_WARMTH_TIME_CONSTANT,
+    Calibration,
+)
 
 
 class Shared(IntEnum):
@@ -150,7 +155,7 @@ class ErrorPriors:
     """Difference between the warmth of one taxel and that of the others [K], and"""
     warmth_spread: float = 0.25
     """as a share of the common warmth [1]."""
-    warmth_force: float = 0.05
+    warmth_force: float = NOMINAL_WARMTH_FORCE
     """Force of a taxel at which it has 1 - 1/e of that warmth [N], assumed: the thermal contact saturates."""
     warmth_force_spread: float = 10.0
     """Factor by which that force may be less [1], assumed: a soft object may touch a taxel wholly at once."""
@@ -163,7 +168,7 @@ class ErrorPriors:
     """Standard deviation of the thermal contact under a weak force, over the range in which it may be [1], and"""
     warmth_contact_calibrated: float = 0.2
     """the same with calibration [1]."""
-    warmth_time: float = 0.5
+    warmth_time: float = NOMINAL_WARMTH_TIME_CONSTANT
     """Time constant of that warmth [s]."""
     creep_times: tuple[float, ...] = (0.3, 2.0, 15.0)
     """Time constants of the slow responses of the film [s]."""

@@ -50,7 +50,7 @@ public:
   /// Leaked charge of the touched force of a taxel, as a force [N].
   double leaked(std::size_t taxel) const { return force_[taxel] - charge_[taxel]; }
 
-  /// What is known of the errors while the touch advances.
+  /// Errors as far as the filter has estimated them.
   struct Known {
     double leak;    ///< Relative error of the leak rates [1]: the charge leaks with tau*(1 + leak).
     double warmth;  ///< Warmth of a touched taxel [K].
