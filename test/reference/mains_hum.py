@@ -42,14 +42,11 @@ STRONG_AMPLITUDE: Final = 5.0
 LARGEST_PHASE_CHANGE: Final = 1.0
 """Greatest deviation of the phase from its prediction between two windows [rad]."""
 
-PHASE_GAIN: Final = 0.4
-"""Share of a window's phase error by which the phase is corrected [1]."""
+FREQUENCY_WALK: Final = 0.05
+"""Deviation by which the mains frequency changes in a second [Hz]: a random walk."""
 
-FREQUENCY_GAIN: Final = 0.06
-"""Share of a window's phase error by which the frequency is corrected [1]."""
-
-AMPLITUDE_GAIN: Final = 0.4
-"""Share of the common amplitude error by which all amplitudes are corrected [1]."""
+SIZE_WALK: Final = 0.1
+"""Deviation by which the size of a hum changes in a second, relative to it [1]: a random walk."""
 
 INDIVIDUAL_GAIN: Final = 0.1
 """Least share of a taxel's individual error by which it is corrected [1]; at first the mean of all windows is taken."""
@@ -59,12 +56,6 @@ LARGEST_STEP: Final = 0.5
 
 FEWEST: Final = 0.2
 """Least share of untouched taxels among all working ones from which the hum is estimated [1]."""
-
-PREDICTION_TIME: Final = 5.0
-"""Time for which the phase is predicted from the last frequency [s]."""
-
-FADING: Final = 0.8
-"""Factor on the amplitude in each window after that time [1]."""
 
 TURN: Final = 2.0 * math.pi
 
@@ -100,7 +91,8 @@ class MainsHum(HumFilter):
         self._least, self._strong = LEAST_AMPLITUDE * noise, STRONG_AMPLITUDE * noise
         self._suspected: complex | None = None  # mean phasor of the free taxels in the previous window
         self._windows = 0
-        self._predicted = 0.0  # time since the phase was last measured [s]
+        self._lock = np.zeros((2, 2))  # covariance of the phase at the end of a window and the frequency [rad, rad/s]
+        self._size = 0.0  # variance of the relative size
 
     @property
     def searches(self) -> bool:
@@ -150,7 +142,7 @@ class MainsHum(HumFilter):
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
         if self.present:
-            self._track(free if enough else None, any_true(self._touched))
+            self._track(free if enough else ~ignored, any_true(self._touched))
         elif enough:
             self._detect(free)
         if self.present or self._suspected is not None:
@@ -179,36 +171,53 @@ class MainsHum(HumFilter):
             parts = self._correlate(frequency, order)
             self.parts[index] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
         self.hum_frequency += phase_change / (TURN * self.time)
-        self._windows, self._predicted = 1, 0.0
+        self.phase -= 0.5 * phase_change
+        self._windows = 1
+        self._size = self._noise_of_window**2 / (np.count_nonzero(free) * abs(now) ** 2)
+        of_frequency = 2.0 * self._size / self.time**2 + (TURN * FREQUENCY_WALK) ** 2 * self.time
+        half = 0.5 * self.time
+        self._lock = of_frequency * np.array([[half**2, half], [half, 1.0]])
+        self._lock[0, 0] += self._size
 
-    def _track(self, free: Mask | None, touched: bool) -> None:
-        """Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches."""
-        if free is None:
-            self._predicted += self.time
-            if self._predicted > PREDICTION_TIME:
-                self._scale(FADING)
+    def _track(self, free: Mask, touched: bool) -> None:
+        """Correct phase, frequency and size by the residual hum of free taxels, and each while nothing touches."""
+        duration = self.time
+        step = np.array([[1.0, duration], [0.0, 1.0]])
+        walk = np.array([[duration**3 / 3.0, duration**2 / 2.0], [duration**2 / 2.0, duration]])
+        self._lock = step @ self._lock @ step.T + (TURN * FREQUENCY_WALK) ** 2 * walk
+        self._size += SIZE_WALK**2 * duration
+        if not any_true(free):
             return
-        self._predicted = 0.0
         residual, parts = self._correlate(self.hum_frequency), self.parts[0]
         power = float(np.sum(parts[:, free] ** 2))
         if power == 0.0:
             self._reset()
             return
+        quadrature = np.stack([parts[1], -parts[0]])
         in_phase = float(np.sum(parts[:, free] * residual[:, free])) / power
-        lead = float(np.sum(parts[0, free] * -residual[1, free] + parts[1, free] * residual[0, free])) / power
+        lead = float(np.sum(quadrature[:, free] * residual[:, free])) / power
+        own = residual - in_phase * parts - lead * quadrature
+        freedom = 2.0 * max(np.count_nonzero(free) - 1.0, 1.0)
+        variance = max(float(np.sum(own[:, free] ** 2)) / freedom, self._noise_of_window**2) / power
+        seen = np.array([1.0, -0.5 * duration])
+        gain = self._lock @ seen / (seen @ self._lock @ seen + variance)
+        self._lock -= np.outer(gain, seen @ self._lock)
+        of_size = self._size / (self._size + variance)
+        self._size -= of_size * self._size
         if not touched:
             self._windows += 1
-            gain = max(1.0 / self._windows, INDIVIDUAL_GAIN)
+            individual = max(1.0 / self._windows, INDIVIDUAL_GAIN)
             for order, of_order in zip(self._orders, self.parts, strict=False):
-                rest = self._correlate(self.hum_frequency, order)
+                rest = self._correlate(self.hum_frequency, order) - order * lead * np.stack([of_order[1], -of_order[0]])
                 if order == 1:
-                    rest -= in_phase * of_order + lead * np.stack([of_order[1], -of_order[0]])
-                np.add(of_order, gain * np.where(free, rest, 0.0), out=of_order)
+                    rest -= in_phase * of_order
+                np.add(of_order, individual * np.where(free, rest, 0.0), out=of_order)
         error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
-        self.phase += PHASE_GAIN * error
-        self.hum_frequency += FREQUENCY_GAIN * error / (TURN * self.time)
-        if not touched:
-            self._scale(1.0 + AMPLITUDE_GAIN * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP))
+        self.phase += float(gain[0] - duration * gain[1]) * error
+        self.hum_frequency += float(gain[1]) * error / TURN
+        factor = 1.0 + of_size * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP)
+        self._size /= factor**2
+        self._scale(factor)
 
     def _scale(self, factor: float) -> None:
         """Scale all amplitudes; drop the hum when it becomes negligible."""

@@ -77,12 +77,10 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
   if (!searches() || state().filled < scans()) {
     return;
   }
-  const bool enough = find_free(ignored);
-  if (!enough) {
-    predict();
-  } else if (state().present) {
+  find_free(ignored);
+  if (state().present) {
     track(touched_.any());
-  } else {
+  } else if (enough_) {
     detect();
   }
   if (state().present || suspected_) {
@@ -93,8 +91,8 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
   }
 }
 
-/// Find the taxels that work and were not touched in the window; return whether there are enough of them.
-bool MainsHum::find_free(const bool* ignored) {
+/// Find the taxels that work and were not touched in the window; all that work where these are too few.
+void MainsHum::find_free(const bool* ignored) {
   std::size_t working = 0;
   free_count_ = 0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -102,7 +100,13 @@ bool MainsHum::find_free(const bool* ignored) {
     working += ignored[taxel] ? 0 : 1;
     free_count_ += free_[taxel] ? 1 : 0;
   }
-  return static_cast<double>(free_count_) >= std::max(1.0, kFewestFree * static_cast<double>(working));
+  enough_ = static_cast<double>(free_count_) >= std::max(1.0, kFewestFree * static_cast<double>(working));
+  if (!enough_) {
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      free_[taxel] = !ignored[taxel];
+    }
+    free_count_ = working;
+  }
 }
 
 /// Detect a persistent hum: two consecutive windows must agree.
@@ -145,38 +149,38 @@ void MainsHum::begin(double phase_change) {
       of_sine[taxel] = free_[taxel] ? measured_[count + taxel] : -common.imag();
     }
   }
+  const double duration = state().time;
   state().present = true;
-  state().frequency += phase_change / (kTurn * state().time);
+  state().frequency += phase_change / (kTurn * duration);
+  state().phase -= 0.5 * phase_change;  // it was measured in the middle of the window
   windows_ = 1;
-  predicted_ = 0.0;
+  const double size = std::abs(before_);
+  lock_.begin(duration, noise_of_window_ * noise_of_window_ / (static_cast<double>(free_count_) * size * size));
 }
 
-/// Go on by the last frequency, for a limited time.
-void MainsHum::predict() {
-  if (!state().present) {
-    return;
-  }
-  predicted_ += state().time;
-  if (predicted_ > kPredictionTime) {
-    scale(kFading);
-  }
-}
-
-/// Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches.
+/// Correct phase, frequency and size by the residual hum of the free taxels, and each taxel's while nothing touches.
 void MainsHum::track(bool touched) {
   const std::size_t count = taxels();
-  predicted_ = 0.0;
+  const double duration = state().time;
+  lock_.advance(duration);
+  if (free_count_ == 0) {
+    return;
+  }
   correlate(state().frequency, 0);
   double power = 0.0;
   double in_phase = 0.0;
   double lead = 0.0;
+  double square = 0.0;
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
     if (free_[taxel]) {
       const double cosine = parts()[taxel];
       const double sine = parts()[count + taxel];
+      const double of_cosine = measured_[taxel];
+      const double of_sine = measured_[count + taxel];
       power += cosine * cosine + sine * sine;
-      in_phase += cosine * measured_[taxel] + sine * measured_[count + taxel];
-      lead += sine * measured_[taxel] - cosine * measured_[count + taxel];
+      in_phase += cosine * of_cosine + sine * of_sine;
+      lead += sine * of_cosine - cosine * of_sine;
+      square += of_cosine * of_cosine + of_sine * of_sine;
     }
   }
   if (power == 0.0) {
@@ -185,22 +189,27 @@ void MainsHum::track(bool touched) {
   }
   in_phase /= power;
   lead /= power;
+  // What is left of the window by the taxels' own errors, and by what touches them, is the noise of what they share.
+  const double rest = square - power * (in_phase * in_phase + lead * lead);
+  const double freedom = 2.0 * std::max(static_cast<double>(free_count_) - 1.0, 1.0);
+  const double variance = std::max(rest / freedom, noise_of_window_ * noise_of_window_) / power;
+  const HumLock::Gains gains = lock_.measure(duration, variance);
   if (!touched) {
     ++windows_;
     const double gain = std::max(1.0 / static_cast<double>(windows_), kIndividualGain);
     correct(0, gain, in_phase, lead);
-    // Of the harmonics it is not measured what all taxels have in common.
+    // Of the harmonics it is not measured what all taxels have in common, but by the phase of the fundamental.
     for (std::size_t index = 1; index < orders_; ++index) {
       correlate(state().frequency, index);
-      correct(index, gain, 0.0, 0.0);
+      correct(index, gain, 0.0, kHumOrders[index] * lead);
     }
   }
   const double error = limited(std::atan2(lead, 1.0 + in_phase));
-  state().phase += kPhaseGain * error;
-  state().frequency += kFrequencyGain * error / (kTurn * state().time);
-  if (!touched) {
-    scale(1.0 + kAmplitudeGain * limited(in_phase));
-  }
+  state().phase += (gains.phase - duration * gains.frequency) * error;  // at the start of the window
+  state().frequency += gains.frequency * error / kTurn;
+  const double factor = 1.0 + gains.size * limited(in_phase);
+  lock_.scale(factor);
+  scale(factor);
 }
 
 /// Correct the parts of an order by what the window has left of them, beyond what all taxels have in common.

@@ -96,7 +96,6 @@ void bind_hum(const py::module_& module) {
       .def_property_readonly("frequency", &MainsHum::frequency, "Frequency of the hum [Hz]; NaN: no hum.")
       .def_property_readonly("amplitude", &MainsHum::amplitude,
                              "Root mean square of the taxels' amplitudes of the fundamental.");
-  module.attr("PREDICTION_TIME") = kPredictionTime;
 }
 
 }  // namespace posfet

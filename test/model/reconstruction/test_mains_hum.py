@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.reconstruction.mains_hum import PREDICTION_TIME, MainsHum
+from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.device.error_model import ErrorModel
@@ -172,14 +172,41 @@ def test_during_a_long_touch_untouched_taxels_keep_the_phase_locked() -> None:
     assert rms(left[-1000:, CONTACT]) < 0.15 * rms(shown(np.arange(1000) / 1000)[:, CONTACT])
 
 
-def test_when_all_taxels_are_touched_hum_is_predicted_for_a_limited_time() -> None:
-    mains, shown, every = MainsHum(TAXELS, RATE, NOISE), hum(50.1), list(range(TAXELS))
+@pytest.mark.parametrize("touched", [[], CONTACT, list(range(TAXELS))])
+@pytest.mark.parametrize("strength", [1.5, 30.0])
+def test_a_mains_frequency_that_wanders_is_followed_whatever_is_touched(touched: list[int], strength: float) -> None:
+    mains = MainsHum(TAXELS, RATE, NOISE)
+    steady = hum(50.0, strength)
+
+    def shown(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a hum whose frequency swings by 0.2 Hz in seven seconds."""
+        return steady(times + 0.2 / 50.0 * 7.0 / (2.0 * math.pi) * (1.0 - np.cos(2.0 * math.pi * times / 7.0)))
+
     run(mains, shown, 6.0)
-    soon = run(mains, shown, 2.0, every, start=6.0)
-    assert rms(soon) < 0.15 * rms(shown(np.arange(1000) / 1000))
-    late = run(mains, shown, PREDICTION_TIME + 4.0, every, start=8.0)
+    left = run(mains, shown, 20.0, touched, start=6.0)
+    expected = math.hypot(0.02 * strength, 0.1)  # of the phase, and of each taxel's own parts
+    assert rms(left) < expected
+
+
+def test_a_press_on_all_taxels_leaves_the_hum_subtracted() -> None:
+    mains, shown, every = MainsHum(TAXELS, RATE, NOISE), hum(50.1, 10.0), list(range(TAXELS))
+    run(mains, shown, 3.0)
+
+    def pressed(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        force = np.interp(times, [3.0, 3.2, 5.0, 5.1], [0.0, 300.0, 310.0, 0.0])
+        return shown(times) + force[:, None] * np.linspace(0.5, 1.5, TAXELS)
+
+    left = run(mains, pressed, 4.0, every, start=3.0)
+    times = 3.0 + (np.arange(4000) + 1) / RATE
+    assert rms(left - pressed(times) + shown(times)) < 0.05 * rms(shown(times))
+
+
+def test_a_hum_that_ends_while_all_taxels_are_touched_is_forgotten() -> None:
+    mains, shown, every = MainsHum(TAXELS, RATE, NOISE), hum(50.0), list(range(TAXELS))
+    run(mains, shown, 3.0)
+    left = run(mains, nothing, 4.0, every, start=3.0)
     assert not mains.present
-    np.testing.assert_array_equal(late[-100:], shown(8.0 + (np.arange(len(late))[-100:] + 1) / RATE))
+    assert not left[-1000:].any()
 
 
 def test_hum_is_identified_again_after_an_interruption() -> None:

@@ -8,9 +8,9 @@
 /// Mains hum: estimated where nothing touches and subtracted everywhere, in contacts as well.
 ///
 /// All taxels hum at one frequency, each with its own amplitude and phase. These are estimated in windows of whole
-/// periods without touch. A touch may last long, and the mains frequency drifts: then the phase is tracked on the
-/// taxels that are not in contact, for all. So a touch that vibrates at the mains frequency is preserved. Where too few
-/// taxels are untouched, the phase is predicted for a while; after that the hum is no longer subtracted.
+/// periods without touch. Phase and frequency, which wander, and the size of all are tracked in every window by a
+/// Kalman filter: on the taxels that are not in contact, so that a touch that vibrates at the mains frequency is
+/// preserved. Where too few taxels are untouched, what all have in common at that frequency counts as hum.
 ///
 /// A hum is found, and its phase and frequency are tracked, by the fundamental. Its third and fifth harmonics have
 /// multiples of that phase, and amplitudes and phases of their own on each taxel. Others stay, as do those that the
@@ -24,6 +24,7 @@
 
 #include "posfet_core/flags.hpp"
 #include "posfet_core/hum_filter.hpp"
+#include "posfet_core/hum_lock.hpp"
 
 namespace posfet {
 
@@ -51,15 +52,6 @@ constexpr double kStrongAmplitude = 5.0;
 /// Greatest deviation of the phase from its prediction between two windows [rad].
 constexpr double kLargestPhaseChange = 1.0;
 
-/// Share of a window's phase error by which the phase is corrected [1].
-constexpr double kPhaseGain = 0.4;
-
-/// Share of a window's phase error by which the frequency is corrected [1].
-constexpr double kFrequencyGain = 0.06;
-
-/// Share of the common amplitude error by which all amplitudes are corrected [1].
-constexpr double kAmplitudeGain = 0.4;
-
 /// Least share of a taxel's individual error by which it is corrected [1]; at first the mean of all windows is taken.
 constexpr double kIndividualGain = 0.1;
 
@@ -68,12 +60,6 @@ constexpr double kLargestHumStep = 0.5;
 
 /// Least share of untouched taxels among all working ones from which the hum is estimated [1].
 constexpr double kFewestFree = 0.2;
-
-/// Time for which the phase is predicted from the last frequency [s].
-constexpr double kPredictionTime = 5.0;
-
-/// Factor on the amplitude in each window after that time [1].
-constexpr double kFading = 0.8;
 
 /// Estimates and subtracts the hum of signals in any unit, scan by scan: `remove` subtracts it from the signals of a
 /// scan, and keeps them for the estimation; required while `sampling`.
@@ -105,11 +91,10 @@ public:
 private:
   using Phasor = std::complex<double>;
 
-  bool find_free(const bool* ignored);
+  void find_free(const bool* ignored);
   void detect();
   void begin(double phase_change);
   void track(bool touched);
-  void predict();
   void correct(std::size_t index, double gain, double in_phase, double lead);
   void scale(double factor);
   void reset();
@@ -126,11 +111,12 @@ private:
   TaxelFlags touched_;            ///< In the window.
   TaxelFlags free_;               ///< Taxels from which the hum is estimated.
   std::size_t free_count_ = 0;    ///< Their number.
+  bool enough_ = false;           ///< Whether they are untouched.
   std::vector<double> measured_;  ///< Cosine and sine parts of the window's signals at one order, [2, taxels].
   bool suspected_ = false;
   Phasor before_;  ///< Mean of the free taxels in the previous window, where a hum was suspected.
   std::size_t windows_ = 0;
-  double predicted_ = 0.0;  ///< Time since the phase was last measured [s].
+  HumLock lock_;
 };
 
 }  // namespace posfet

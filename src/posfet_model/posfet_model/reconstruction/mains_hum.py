@@ -9,12 +9,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from posfet_core import scan_path
 from posfet_core.scan_path import MainsHum
 
-__all__ = ["PREDICTION_TIME", "MainsHum"]
-
-PREDICTION_TIME: Final = scan_path.PREDICTION_TIME
-"""Time for which the phase is predicted from the last frequency [s]."""
+__all__ = ["MainsHum"]
