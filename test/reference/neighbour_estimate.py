@@ -17,6 +17,9 @@ from posfet_model.sensor.description import Layout
 from posfet_model.sensor.grid import CORNER_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
 
+TWIST_FORCE = 10.0
+"""Smallest force of a square, over the floor, from which it shows the twist more than that there is none [1]."""
+
 
 class NeighbourInterpolation:
     """Interpolates forces from the 2 x 2 squares around each taxel of one array.
@@ -31,7 +34,9 @@ class NeighbourInterpolation:
         self._horizontal = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
         self._vertical = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
         self._diagonal = neighbour_table(layout, CORNER_NEIGHBOURS)
+        self._turn = np.array([np.sign(down * right) for down, right in CORNER_NEIGHBOURS])
         self._inside = self._diagonal < layout.taxels
+        self._shape = layout.rows, layout.cols
         self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
@@ -63,7 +68,8 @@ class NeighbourInterpolation:
         """
         horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
         with np.errstate(invalid="ignore", divide="ignore"):
-            logarithm = np.log(horizontal * vertical / diagonal)
+            twist = np.array([self._twist(force, unknown, int(taxel), floor) for taxel in wanted])
+            logarithm = np.log(horizontal * vertical / diagonal) + self._turn * twist[:, None]
             informative = np.isfinite(logarithm)
             weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
             weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
@@ -78,6 +84,20 @@ class NeighbourInterpolation:
         largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
         estimate[largest <= floor] = relative[largest <= floor] = 0.0
         return estimate, estimate * relative
+
+    def _twist(self, force: Array, unknown: Mask, taxel: int, floor: float) -> float:
+        """Return the twist of the logarithm of the forces in the squares next to those of a taxel."""
+        values = np.where(unknown, np.nan, np.maximum(force, floor)).reshape(self._shape)
+        row, col = divmod(taxel, self._shape[1])
+        corners = values[:-1, :-1], values[:-1, 1:], values[1:, :-1], values[1:, 1:]
+        twist = np.log(corners[0] * corners[3] / (corners[1] * corners[2]))
+        weight = np.minimum.reduce(corners) ** 2
+        top, left = np.indices(twist.shape)
+        near = (abs(top + 0.5 - row) < 2.0) & (abs(left + 0.5 - col) < 2.0)
+        own = (abs(top + 0.5 - row) < 1.0) & (abs(left + 0.5 - col) < 1.0)
+        used = near & ~own & np.isfinite(twist) & (weight > floor**2)
+        total = float(np.sum(weight[used])) + (TWIST_FORCE * floor) ** 2
+        return float(np.sum(weight[used] * twist[used])) / total if total > 0.0 else 0.0
 
     def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: Array | float) -> Array:
         """Return the smallest force [N] that any square of each `wanted` taxel predicts.

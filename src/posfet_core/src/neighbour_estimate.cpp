@@ -7,6 +7,7 @@
 
 #include "posfet_core/neighbour_estimate.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -22,6 +23,7 @@ struct Square {
   double horizontal;
   double vertical;
   double diagonal;
+  double turn;  ///< Sign of its twist: 1 where the diagonal has the same sign along rows and columns, -1 elsewhere.
   bool inside;  ///< Whether it lies on the array.
 
   double prediction() const { return horizontal * vertical / diagonal; }
@@ -47,10 +49,44 @@ std::array<Square, 4> squares(const Grid& grid, const double* force, const bool*
   std::array<Square, 4> found{};
   for (std::size_t index = 0; index < found.size(); ++index) {
     const auto& [horizontal, vertical, diagonal] = kSquares[index];
-    found[index] = {known(around[horizontal]), known(around[vertical]), known(around[diagonal]),
+    const double turn = index == 0 || index == 3 ? 1.0 : -1.0;
+    found[index] = {known(around[horizontal]), known(around[vertical]), known(around[diagonal]), turn,
                     around[diagonal] != Grid::kOutside};
   }
   return found;
+}
+
+/// Twist of the logarithm of the forces, as the squares next to a taxel's show it: mean weighted by the square of the
+/// smallest force in each.
+double twist_around(const Grid& grid, const double* force, const bool* unknown, Taxel taxel, double floor) {
+  const Taxel row = grid.row(taxel);
+  const Taxel col = grid.col(taxel);
+  const Taxel cols = grid.layout().cols;
+  double weighted = 0.0;
+  double total = square(kTwistForce * floor);
+  for (Taxel top = std::max<Taxel>(row - 2, 0); top <= std::min(row + 1, grid.layout().rows - 2); ++top) {
+    for (Taxel left = std::max<Taxel>(col - 2, 0); left <= std::min(col + 1, cols - 2); ++left) {
+      const bool of_taxel = top <= row && row <= top + 1 && left <= col && col <= left + 1;
+      const Taxel first = top * cols + left;
+      const std::array<Taxel, 4> corners{first, first + 1, first + cols, first + cols + 1};
+      const bool known =
+          std::none_of(corners.begin(), corners.end(), [&](Taxel each) { return unknown && unknown[each]; });
+      if (of_taxel || !known) {
+        continue;
+      }
+      std::array<double, 4> forces{};
+      std::transform(corners.begin(), corners.end(), forces.begin(),
+                     [&](Taxel each) { return maximum(floor, force[each]); });
+      const double logarithm = std::log(forces[0] * forces[3] / (forces[1] * forces[2]));
+      const double least = *std::min_element(forces.begin(), forces.end());
+      if (std::isfinite(logarithm) && least > floor) {
+        const double weight = square(least);
+        weighted += weight * logarithm;
+        total += weight;
+      }
+    }
+  }
+  return total > 0.0 ? weighted / total : 0.0;
 }
 
 }  // namespace
@@ -62,8 +98,9 @@ NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force,
   double variance = 0.0;
   double largest = kUnknown;
   double most = kUnknown;
+  const double twist = twist_around(grid, force, unknown, taxel, limits.floor);
   for (const Square& each : squares(grid, force, unknown, taxel, limits.floor)) {
-    const double logarithm = std::log(each.prediction());
+    const double logarithm = std::log(each.prediction()) + each.turn * twist;
     if (std::isfinite(logarithm)) {
       weighted += each.smallest() * logarithm;
       total += each.smallest();

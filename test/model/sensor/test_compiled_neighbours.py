@@ -73,6 +73,21 @@ def test_a_corner_is_limited_to_what_a_point_load_on_it_would_let_its_neighbours
     assert deviation == pytest.approx(found * errors)
 
 
+@pytest.mark.parametrize("angle", [0.3, 0.8, 2.2])
+def test_a_bar_at_an_angle_is_interpolated_in_the_middle_at_an_edge_and_in_a_corner(angle: float) -> None:
+    """Its forces are 0.3 N at most; along it they decline as far as the squares reach."""
+    cells, none = np.arange(LAYOUT.taxels), np.zeros(LAYOUT.taxels, np.bool_)
+    col, row = cells % LAYOUT.cols, cells // LAYOUT.cols
+    for at_col, at_row, taxel in ((2.2, 1.9, 12), (0.4, 2.1, 10), (0.6, 0.3, 0)):
+        along = (col - at_col) * math.cos(angle) + (row - at_row) * math.sin(angle)
+        across = (row - at_row) * math.cos(angle) - (col - at_col) * math.sin(angle)
+        force = 0.3 * np.exp(-0.5 * (along / 2.5) ** 2 - 0.5 * across**2)
+        [found], _ = NeighbourInterpolation(LAYOUT).interpolate(
+            force, none, [taxel], 1.7e-3, *most_over_neighbours(SENSOR)
+        )
+        assert abs(found - force[taxel]) < 0.1 * force[taxel]
+
+
 def test_an_extrapolation_is_about_as_uncertain_as_it_is_large() -> None:
     random, surroundings, none = np.random.default_rng(5), NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
     cells, pitch, spread = np.arange(25), LAYOUT.pitch_x, SENSOR.device.contact_spread

@@ -8,8 +8,10 @@
 /// What the neighbours of a taxel predict for its force.
 ///
 /// Pressure that has spread through the elastomer skin falls off like a Gaussian. On a grid along its axes a Gaussian
-/// obeys f00 = f01*f10/f11 for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
-/// logarithms, weighted by the smallest force in each) come close for other contacts too.
+/// obeys f00 = f01*f10/f11 for every 2 x 2 square of taxels; one at an angle to it, as that of a bar, obeys
+/// f00*f11 = f01*f10*exp(twist) with the same twist for all. The four squares around a taxel combined (mean of the
+/// logarithms, weighted by the smallest force in each), with the twist of the squares next to them, come close for
+/// other contacts too.
 #pragma once
 
 #include "posfet_core/grid.hpp"
@@ -19,6 +21,9 @@ namespace posfet {
 /// Relative standard uncertainty of a force interpolated from neighbours that are far above the floor [1]: 0.11 for
 /// spheres of 1.5 to 6 mm radius anywhere on a 5 x 5 array, the rest for 5 % gain mismatch.
 constexpr double kInterpolationUncertainty = 0.2;
+
+/// Smallest force of a square, over the floor, from which it shows the twist more than that there is none [1].
+constexpr double kTwistForce = 10.0;
 
 /// What limits an interpolation.
 struct InterpolationLimits {

@@ -8,9 +8,11 @@
 """Interpolation of a taxel's force from its neighbours.
 
 Pressure that has spread through the elastomer skin falls off like a Gaussian. On a grid along its axes a Gaussian obeys
-``f00 = f01*f10/f11`` for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
-logarithms, weighted by the smallest force in each) come close for other contacts too. In a corner, or where few squares
-are known, this is an extrapolation: it is limited to what a point load on the taxel would let its neighbours feel.
+``f00 = f01*f10/f11`` for every 2 x 2 square of taxels; one at an angle to it, as that of a bar, obeys
+``f00*f11 = f01*f10*exp(twist)`` with the same twist for all. The four squares around a taxel combined (mean of the
+logarithms, weighted by the smallest force in each), with the twist of the squares next to them, come close for other
+contacts too. In a corner, or where few squares are known, this is an extrapolation: it is limited to what a point load
+on the taxel would let its neighbours feel.
 
 Compiled: `posfet_core`, neighbour_estimate.hpp.
 """
