@@ -39,7 +39,10 @@ FEWEST_TAXELS: Final = 9
 fingertip covers fewer."""
 
 EVENLY: Final = 0.15
-"""Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less."""
+"""Share of the greatest jump from which others are similar to it [1]: a fingertip presses its edge less."""
+
+MOST_TAXELS: Final = 0.85
+"""Share of the taxels that jump by similar amounts in a burst [1]: it lifts some of them by next to nothing."""
 
 
 class BurstDetector:
@@ -116,5 +119,6 @@ class BurstDetector:
             return True
         if np.count_nonzero(sound) < FEWEST_TAXELS or 2 * np.count_nonzero(sound & fresh) < np.count_nonzero(sound):
             return False
-        least, greatest = float(jump[sound].min()), float(jump[sound].max())
-        return min(least / greatest, greatest / least) >= EVENLY
+        jumps = jump[sound]
+        similar = np.count_nonzero(jumps / jumps[np.argmax(np.abs(jumps))] >= EVENLY)
+        return similar >= MOST_TAXELS * np.count_nonzero(sound)

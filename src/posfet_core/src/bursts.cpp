@@ -8,6 +8,7 @@
 #include "posfet_core/bursts.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "posfet_core/numbers.hpp"
@@ -51,15 +52,13 @@ bool BurstDetector::is_no_touch(const bool* faulty) {
   const std::vector<double>& jump = jumps_.jump();
   std::size_t count = 0;
   std::size_t fresh = 0;
-  double least = std::numeric_limits<double>::infinity();
-  double greatest = -least;
+  double greatest = 0.0;
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
     sound_[taxel] = !faulty[taxel];
     if (sound_[taxel]) {
       ++count;
       fresh += jumps_.fresh()[taxel] != 0 ? 1 : 0;
-      least = std::min(least, jump[taxel]);
-      greatest = std::max(greatest, jump[taxel]);
+      greatest = std::fabs(jump[taxel]) > std::fabs(greatest) ? jump[taxel] : greatest;
     }
   }
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
@@ -69,7 +68,12 @@ bool BurstDetector::is_no_touch(const bool* faulty) {
       return true;
     }
   }
-  return count >= kFewestOfBurst && 2 * fresh >= count && std::min(least / greatest, greatest / least) >= kEvenly;
+  std::size_t similar = 0;
+  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
+    similar += sound_[taxel] && jump[taxel] / greatest >= kEvenly ? 1 : 0;
+  }
+  return count >= kFewestOfBurst && 2 * fresh >= count &&
+         static_cast<double>(similar) >= kMostOfBurst * static_cast<double>(count);
 }
 
 }  // namespace posfet

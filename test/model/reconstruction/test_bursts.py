@@ -66,6 +66,13 @@ def all_alike(rng: np.random.Generator) -> NDArray[np.float64]:
     return rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.0, LAYOUT.taxels)
 
 
+def most_alike(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return a burst of which two taxels feel next to nothing."""
+    pattern = all_alike(rng) * rng.uniform(0.5, 1.0, LAYOUT.taxels)
+    pattern[rng.choice(LAYOUT.taxels, 2, replace=False)] *= 0.1
+    return pattern
+
+
 class Interference:
     """Adds bursts of an amplitude [V] to single scans, at random times, so many per second."""
 
@@ -105,7 +112,7 @@ def undisturbed() -> float:
 
 
 @pytest.mark.parametrize("volts", [0.02, 0.05])
-@pytest.mark.parametrize("pattern", [one_taxel, some_taxels, both_signs, all_alike])
+@pytest.mark.parametrize("pattern", [one_taxel, some_taxels, both_signs, all_alike, most_alike])
 def test_bursts_cause_no_contact_and_no_lasting_force(
     volts: float, pattern: Callable[..., NDArray[np.float64]], undisturbed: float
 ) -> None:

@@ -28,8 +28,11 @@ constexpr double kBurstCertainty = 1.0;
 /// a fingertip covers fewer.
 constexpr std::size_t kFewestOfBurst = 9;
 
-/// Least over greatest jump from which all taxels jump by similar amounts [1]: a fingertip presses its edge less.
+/// Share of the greatest jump from which others are similar to it [1]: a fingertip presses its edge less.
 constexpr double kEvenly = 0.15;
+
+/// Share of the taxels that jump by similar amounts in a burst [1]: it lifts some of them by next to nothing.
+constexpr double kMostOfBurst = 0.85;
 
 /// Finds the scans with a burst, scan by scan.
 class BurstDetector {
