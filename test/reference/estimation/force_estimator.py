@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -212,6 +213,8 @@ class Block:
     """Rate of the chip temperature that the touch is expected to cause [K/s]."""
     before: Belief
     """Belief before this block."""
+    touch_before: TouchResponse
+    """What touches have left until then."""
 
 
 def _of_scans(name: str) -> Any:
@@ -326,6 +329,7 @@ class ForceEstimator:
         self._touched_for = 0.0
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
+        self._unheated_touch = self._touch  # what the touch leaves that there is without the hypothesis
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
         self._rested = 0.0  # time since a contact was listed [s]
@@ -561,8 +565,7 @@ class ForceEstimator:
         self._observe_rest(any_true(listed))
         self._blocks.append(block)
         if self._unheated is not None:
-            self._predict(self._unheated, block)
-            self._measure_temperature(self._unheated, block, zeros=False)
+            self._follow_unheated(block)
         if any_true(begun):
             self._process_again(touched)
             self._mean = block.mean - self._filter.predicted(block.response)
@@ -720,6 +723,7 @@ class ForceEstimator:
             felt = self._surroundings.completed(np.where(self.ignored, math.nan, np.abs(self._steady)), least)
             neighbour = self._surroundings.greatest_neighbour(felt)
             tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, least))
+        touch_before = deepcopy(self._touch)
         self._advance_touch(listed, tail)
         response, p = self._touch.matrix(), self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
@@ -770,6 +774,7 @@ class ForceEstimator:
             self._leak_noise(),
             self._touch.warming,
             self.belief.copy(),
+            touch_before,
         )
         self._last_duration = self._elapsed
         if not math.isnan(self._reading):
@@ -994,11 +999,22 @@ class ForceEstimator:
             return
         self._uniform.begin()
         self._unheated = ForceErrorFilter(self._blocks[0].before.copy())
+        self._unheated_touch = deepcopy(self._blocks[0].touch_before)
         for block in self._blocks:
-            self._predict(self._unheated, block)
-            self._measure_temperature(self._unheated, block, zeros=False)
+            self._follow_unheated(block)
         shared = self._unheated.belief.shared
         self._expected_film, self._expected_rate = shared[[Shared.FILM, Shared.RATE]].tolist()
+
+    def _follow_unheated(self, block: Block) -> None:
+        """Follow the belief without the hypothesis, and what the touch leaves that there is without it."""
+        unheated, touch = self._unheated, self._unheated_touch
+        assert unheated is not None
+        self._predict(unheated, block)
+        self._measure_temperature(unheated, block, zeros=False)
+        force = np.where(self.ignored, 0.0, np.maximum(block.mean - unheated.predicted(touch.matrix()), 0.0))
+        shared = unheated.belief.shared
+        slower = (1.0 + float(shared[Shared.LEAK])) / block.leak - 1.0
+        touch.advance(force, force, force, block.duration, slower, float(shared[Shared.WARMTH]))
 
     def _drop_hypothesis(self) -> None:
         """Keep the belief as it is: what the other one would say no longer matters."""
@@ -1023,6 +1039,10 @@ class ForceEstimator:
             self._uniform.refuse()
             if unheated is not None:
                 self._filter.belief = unheated.belief
+                block.mean[:] -= self._unheated_touch.loops - self._touch.loops
+                self._touch = deepcopy(self._unheated_touch)
+                block.response[:] = self._touch.matrix()
+                block.warming = self._touch.warming
                 residual = block.mean - self._filter.predicted(block.response)
                 odd = where & (residual > 0.0)
                 self._blocks.clear()

@@ -9,7 +9,7 @@
 
 namespace posfet {
 
-Block::Block(std::size_t taxels)
+Block::Block(std::size_t taxels, const TouchResponse& touch)
     : mean(taxels, 0.0),
       noise(taxels, 0.0),
       charge(taxels, 0.0),
@@ -20,11 +20,12 @@ Block::Block(std::size_t taxels)
       tail(taxels, 0.0),
       own_noise(taxels * kOwnStates * kOwnStates, 0.0),
       cooled(taxels, 0.0),
-      before(taxels, kSharedStates) {}
+      before(taxels, kSharedStates),
+      touch_before(touch) {}
 
-LastBlocks::LastBlocks(std::size_t taxels) {
+LastBlocks::LastBlocks(std::size_t taxels, const TouchResponse& touch) {
   for (std::size_t place = 0; place <= kLag; ++place) {
-    places_.emplace_back(taxels);
+    places_.emplace_back(taxels, touch);
   }
 }
 

@@ -99,6 +99,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       filter_(make_belief(taxels(), priors_)),
       unheated_filter_(std::make_shared<Belief>(taxels(), kSharedStates)),
       touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
+      unheated_touch_(touch_),
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
       unexplained_(taxels(), array_.threshold),
       release_(taxels()),
@@ -110,7 +111,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       negative_(taxels(), UnexplainedResiduals::kNegativeTime),
       lower_bound_(taxels(), array_.threshold, kLostForceTime),
       surroundings_(Grid(array_.layout)),
-      blocks_(taxels()),
+      blocks_(taxels(), touch_),
       last_duration_(block_duration),
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
@@ -465,8 +466,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   observe_rest(any_listed);
   blocks_.push();
   if (unheated_ != nullptr) {
-    predict(*unheated_, block);
-    measure_temperature(*unheated_, block, false);
+    follow_unheated(block);
   }
   bool begun = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

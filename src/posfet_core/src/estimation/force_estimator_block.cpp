@@ -70,6 +70,7 @@ void ForceEstimator::measure(Block& block) {
   }
   take_reading(block);
   find_tails(block);
+  block.touch_before = touch_;
   measure_touch(block);
   std::transform(block.mean.begin(), block.mean.end(), touch_.loops().begin(), block.mean.begin(), std::minus<>());
   measure_process_noise(block);

@@ -207,7 +207,7 @@ void ForceEstimator::measure_zeros(std::size_t index) {
     return;
   }
   find_slow_touches(block);
-  judge(block);
+  judge(blocks_[index]);
 }
 
 /// Find taxels whose residuals have been positive for too long. What most taxels share, an update has explained: it is
@@ -339,13 +339,28 @@ void ForceEstimator::open_hypothesis() {
   }
   uniform_.begin();
   *unheated_filter_.belief() = blocks_[0].before;
+  unheated_touch_ = blocks_[0].touch_before;
   unheated_ = &unheated_filter_;
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
-    predict(*unheated_, blocks_[index]);
-    measure_temperature(*unheated_, blocks_[index], false);
+    follow_unheated(blocks_[index]);
   }
   expected_film_ = unheated_->belief()->shared[kFilm];
   expected_rate_ = unheated_->belief()->shared[kRate];
+}
+
+/// Follow the belief without the hypothesis, and what the touch leaves that there is without it.
+void ForceEstimator::follow_unheated(const Block& block) {
+  predict(*unheated_, block);
+  measure_temperature(*unheated_, block, false);
+  std::vector<double>& force = values_;
+  unheated_touch_.matrix(response_);
+  unheated_->predicted(response_.data(), force.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    force[taxel] = ignored()[taxel] ? 0.0 : std::max(block.mean[taxel] - force[taxel], 0.0);
+  }
+  const std::vector<double>& shared = unheated_->belief()->shared;
+  const double slower = (1.0 + shared[kLeak]) / block.leak - 1.0;
+  unheated_touch_.advance(force, force, force, block.duration, {slower, shared[kWarmth]});
 }
 
 /// Keep the belief as it is: what the other one would say no longer matters.
@@ -356,7 +371,7 @@ void ForceEstimator::drop_hypothesis() {
 }
 
 /// Act on the residuals of the newest block that no state explains.
-void ForceEstimator::judge(const Block& block) {
+void ForceEstimator::judge(Block& block) {
   const UniformChange::Evidence evidence = evidence_of(block);
   std::size_t odd = 0;
   std::size_t judged = 0;
@@ -392,11 +407,17 @@ UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
 }
 
 /// Take the belief without the hypothesis, which was wrong.
-void ForceEstimator::take_unheated(const Block& block) {
+void ForceEstimator::take_unheated(Block& block) {
   if (unheated_ == nullptr) {
     return;
   }
   *belief() = *unheated_->belief();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    block.mean[taxel] -= unheated_touch_.loops()[taxel] - touch_.loops()[taxel];
+  }
+  touch_ = unheated_touch_;
+  touch_.matrix(block.response);
+  block.warming = touch_.warming();
   filter_.predicted(block.response.data(), residual_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     residual_[taxel] = block.mean[taxel] - residual_[taxel];

@@ -13,13 +13,14 @@
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/flags.hpp"
 
 namespace posfet {
 
 /// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
 struct Block {
-  explicit Block(std::size_t taxels);
+  Block(std::size_t taxels, const TouchResponse& touch);
 
   std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
   std::vector<double> noise;      ///< Variance of its noise [N2].
@@ -45,6 +46,7 @@ struct Block {
   double leak_noise = 0.0;        ///< Variance that the relative error of the leak rates gains [1].
   double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
   Belief before;                  ///< Belief before this block.
+  TouchResponse touch_before;     ///< What touches have left until then.
 };
 
 /// The last blocks, oldest first, and a place for the next one.
@@ -56,7 +58,7 @@ public:
   /// Number of them from which taxels are left out that do not show the touch themselves.
   static constexpr std::size_t kSuspected = kLag / 2;
 
-  explicit LastBlocks(std::size_t taxels);
+  LastBlocks(std::size_t taxels, const TouchResponse& touch);
 
   std::size_t size() const { return size_; }
   bool full() const { return size_ == kLag; }

@@ -227,11 +227,12 @@ private:
   bool rests_known() const;
   void open_hypothesis();
   void drop_hypothesis();
+  void follow_unheated(const Block& block);
   void measure_faulty(const Block& block);
   bool is_zero_faulty(const Block& block, std::size_t taxel) const;
-  void judge(const Block& block);
+  void judge(Block& block);
   UniformChange::Evidence evidence_of(const Block& block);
-  void take_unheated(const Block& block);
+  void take_unheated(Block& block);
   void restart_or_correct(const Block& block);
   void find_released();
   void reset_released(const Block& block);
@@ -260,6 +261,7 @@ private:
   ForceErrorFilter filter_;
   ForceErrorFilter unheated_filter_;  ///< Kept for the next hypothesis: to open one allocates no memory.
   TouchResponse touch_;
+  TouchResponse unheated_touch_;  ///< Of the touch that there is without the hypothesis.
   UniformChange uniform_;
   UnexplainedResiduals unexplained_;
   ReleaseDetector release_;
