@@ -160,6 +160,8 @@ BRIEF: Final = 2.0
 response [1]; assumed."""
 TAP_SHARE: Final = 0.25
 """Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
+ALIKE: Final = 0.4
+"""Part of what a moving contact lets the taxels beside it feel that they have in common [1]."""
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
@@ -199,6 +201,8 @@ class Block:
     """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
     tail_moved: float
     """Share of that force that is new [1]."""
+    moved: float
+    """Share of the touched force that has moved from taxel to taxel [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
     cooled: Array
@@ -554,8 +558,9 @@ class ForceEstimator:
         self._apply_clipped()
         listed = touched & self.offset_known
         if any_true(lost := self._unreleased(listed)):
+            alone = lost & ~self._surroundings.dilated(listed)
             listed = listed | lost
-            contacts = (*contacts, lost.nonzero()[0])
+            contacts = (*contacts, alone.nonzero()[0]) if any_true(alone) else contacts
         touched = self._find_touched(listed)
         block = self._measure(touched, listed)
         self._follow_touch(block)
@@ -746,7 +751,7 @@ class ForceEstimator:
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
-            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), moved * tail**2, 0.0)
+            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), (1.0 - ALIKE) * moved * tail**2, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
@@ -767,6 +772,7 @@ class ForceEstimator:
             neighbour,
             tail,
             tail_moved,
+            moved,
             own_noise,
             cooled,
             (p.touch_rate**2) * abs(total - before) * max(total, before),
@@ -920,7 +926,7 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
+        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved + ALIKE * block.moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]

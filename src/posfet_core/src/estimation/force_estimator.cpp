@@ -521,10 +521,10 @@ void ForceEstimator::find_touched(Block& block) {
   }
 }
 
-/// Add to the listed taxels those of a contact with the whole array that became uncertain, and was not released; they
-/// are `lost`. Returns whether there are any. No untouched taxel shows the film's temperature: the uncertainty grows
-/// until the contact is no longer significant. That is no evidence of zero forces.
-bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) const {
+/// Add to the listed taxels those of a contact with the whole array that became uncertain, and was not released; those
+/// that are not beside a listed contact are `lost`. Returns whether there are any. No untouched taxel shows the film's
+/// temperature: the uncertainty grows until the contact is no longer significant. That is no evidence of zero forces.
+bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
   std::size_t untouched = 0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
@@ -532,11 +532,14 @@ bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) const {
   if (untouched >= kFewestForUniform) {
     return false;
   }
+  surroundings_.dilate(listed, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const bool held = state().sum[taxel] > integration_->block().scans * array_.threshold;
     if (held && touched_[taxel] && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
       listed[taxel] = true;
-      lost.push_back(static_cast<Taxel>(taxel));
+      if (!chosen_[taxel]) {  // else it is part of that contact, and is released with it
+        lost.push_back(static_cast<Taxel>(taxel));
+      }
     }
   }
   return !lost.empty();

@@ -161,7 +161,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
-  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
+  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved + kMovedAlike * block.moved;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {

@@ -18,6 +18,10 @@
 
 namespace posfet {
 
+/// Part of what a moving contact lets the taxels beside it feel that they have in common [1], assumed: a line that
+/// comes nearer comes nearer to several.
+constexpr double kMovedAlike = 0.4;
+
 /// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
 struct Block {
   Block(std::size_t taxels, const TouchResponse& touch);
@@ -39,6 +43,7 @@ struct Block {
   std::vector<double> tail;       ///< Force of an untouched taxel if forces declined geometrically away from the
                                   ///< contact [N].
   double tail_moved = 0.0;        ///< Share of that force that is new [1].
+  double moved = 0.0;             ///< Share of the touched force that has moved from taxel to taxel [1].
   std::vector<double> own_noise;  ///< Covariance of the process noise of each taxel, [taxels, own, own].
   std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
   double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes

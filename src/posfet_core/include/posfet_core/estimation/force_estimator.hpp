@@ -197,7 +197,7 @@ private:
   void restart(const TaxelFlags& where);
 
   void find_touched(Block& block);
-  bool find_unreleased(TaxelFlags& listed, Taxels& lost) const;
+  bool find_unreleased(TaxelFlags& listed, Taxels& lost);
   void measure(Block& block);
   void measure_touch(Block& block);
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
