@@ -231,9 +231,9 @@ def test_slow_pads_bring_the_warmth_of_their_beginning(row: str) -> None:
 def test_ridges_that_come_nearer_to_a_side_are_no_film_that_cools() -> None:
     # They come nearer to five taxels at once; and some taxels of the contact, the least significant, counted as
     # released: 14 % of the scans of ten boards misled.
-    verdicts = [judge(*calibrated("drift", number, "gauss"), "gauss", scenes()["ridged"]) for number in (1, 2, 7, 8)]
-    assert np.mean([each.error for each in verdicts]) <= 3.5
-    assert np.mean([each.misleading for each in verdicts]) <= 5.0
+    verdicts = [judge(*calibrated("drift", number, "gauss"), "gauss", scenes()["ridged"]) for number in range(1, 9)]
+    assert np.mean([each.error for each in verdicts]) <= 4.2
+    assert np.mean([each.misleading for each in verdicts]) <= 10.0
     assert min(each.total for each in verdicts) >= 90.0
 
 

@@ -160,8 +160,8 @@ BRIEF: Final = 2.0
 response [1]; assumed."""
 TAP_SHARE: Final = 0.25
 """Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
-ALIKE: Final = 0.4
-"""Part of what a moving contact lets the taxels beside it feel that they have in common [1]."""
+MOVED: Final = 0.6
+"""Variance that the force beside a contact has gained once all of that has moved [square of the geometric decline]."""
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
@@ -738,8 +738,7 @@ class ForceEstimator:
         own_noise[:, :2, :2] = p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second() ** 2)
-        grown += self._jumped
-        grown += self._step_noise(touched, span)
+        grown += self._jumped + self._step_noise(touched, span)
         left = np.divide(warmth, self._warmth, out=np.zeros_like(warmth), where=self._warmth > 0.0)
         cooled = np.minimum(np.maximum(1.0 - left, 0.0), -math.expm1(-span / p.warmth_time))
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
@@ -751,7 +750,7 @@ class ForceEstimator:
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
-            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), (1.0 - ALIKE) * moved * tail**2, 0.0)
+            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), MOVED * moved * tail**2, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
@@ -926,7 +925,11 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved + ALIKE * block.moved
+        kept = 1.0 - min(block.moved, 1.0)
+        matrix[Shared.TAIL, Shared.TAIL] = kept
+        after[Shared.TAIL] = p.tail + kept * (belief.shared[Shared.TAIL] - p.tail)
+        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
+        noise[Shared.TAIL, Shared.TAIL] += (1.0 - kept * kept) * p.tail_spread**2
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
@@ -1022,6 +1025,15 @@ class ForceEstimator:
         slower = (1.0 + float(shared[Shared.LEAK])) / block.leak - 1.0
         touch.advance(force, force, force, block.duration, slower, float(shared[Shared.WARMTH]))
 
+    def _take_unheated(self, block: Block) -> None:
+        """Take the belief without the hypothesis, which was wrong, and what the touch has left."""
+        assert self._unheated is not None
+        self._filter.belief = self._unheated.belief
+        block.mean[:] -= self._unheated_touch.loops - self._touch.loops
+        self._touch = deepcopy(self._unheated_touch)
+        block.response[:] = self._touch.matrix()
+        block.warming = self._touch.warming
+
     def _drop_hypothesis(self) -> None:
         """Keep the belief as it is: what the other one would say no longer matters."""
         self._uniform.close()
@@ -1044,11 +1056,7 @@ class ForceEstimator:
         if self._uniform.is_refused(odd, where, claimed, shown, deviation, self._negligible, wait, block.duration):
             self._uniform.refuse()
             if unheated is not None:
-                self._filter.belief = unheated.belief
-                block.mean[:] -= self._unheated_touch.loops - self._touch.loops
-                self._touch = deepcopy(self._unheated_touch)
-                block.response[:] = self._touch.matrix()
-                block.warming = self._touch.warming
+                self._take_unheated(block)
                 residual = block.mean - self._filter.predicted(block.response)
                 odd = where & (residual > 0.0)
                 self._blocks.clear()
@@ -1378,7 +1386,7 @@ class ForceEstimator:
         belief.slope[new, 1, Shared.RATE] = -charge[new]
         belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
         belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
-        self._left_deviation[known] = self._left
+        self._left_deviation[known] = self._left + np.abs(self._integration.signal - self._offset())[known]
         belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
         belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
         self._rate[where] = (self._offset() * self._per_second())[where]

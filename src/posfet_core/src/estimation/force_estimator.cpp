@@ -378,8 +378,8 @@ void ForceEstimator::integrate(double time) {
   belief()->integrate(leaked_share_.data(), driven_.data());
 }
 
-/// Restart taxels: no force, and the signal is offset, or charge left by an earlier force. After each rejection the
-/// deviation of that charge is larger.
+/// Restart taxels: no force, and the signal is offset, or charge left by an earlier force: what it has beyond an offset
+/// that was known. After each rejection the deviation of that charge is larger.
 void ForceEstimator::restart(const TaxelFlags& where) {
   if (!where.any()) {
     return;
@@ -402,7 +402,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
     own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
     if (s.offset_known[taxel]) {
-      left_deviation_[taxel] = array_.left_charge;
+      left_deviation_[taxel] = array_.left_charge + std::abs(signal(taxel) - offset(taxel));
       own[own_at(kOffset, kOffset)] = square(kRestartDeviation * array_.threshold);
     } else {
       // The offset has the noise of the signal that it is set to; so has the force. A film that warms generates charge,

@@ -18,10 +18,6 @@
 
 namespace posfet {
 
-/// Part of what a moving contact lets the taxels beside it feel that they have in common [1], assumed: a line that
-/// comes nearer comes nearer to several.
-constexpr double kMovedAlike = 0.4;
-
 /// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
 struct Block {
   Block(std::size_t taxels, const TouchResponse& touch);
