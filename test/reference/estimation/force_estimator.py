@@ -585,6 +585,11 @@ class ForceEstimator:
         noise = math.sqrt(float(block.noise.max()))
         released = self._release.update(contacts, self._mean, course, self._touched, variance, noise)
         if released is not None:
+            # Beside a noisy taxel that still shows a force, nothing was released.
+            least = np.maximum(self._threshold, GATE * np.sqrt(variance))
+            shown = self.ignored & self.informative & (self._mean > least)
+            released &= ~self._surroundings.dilated(shown)
+        if released is not None and any_true(released):
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
             self._touch.disown(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
             block.response[:] = self._touch.matrix()

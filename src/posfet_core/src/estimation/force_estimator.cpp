@@ -124,7 +124,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
     values->assign(taxels(), 0.0);
   }
   share_.assign(taxels(), 0.0);
-  for (auto* values : {&response_, &sensitivity_, &driven_}) {
+  for (auto* values : {&response_, &unheated_response_, &sensitivity_, &driven_}) {
     values->assign(taxels() * kSharedStates, 0.0);
   }
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);

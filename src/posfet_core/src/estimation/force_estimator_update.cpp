@@ -358,8 +358,8 @@ void ForceEstimator::follow_unheated(const Block& block) {
   predict(*unheated_, block);
   measure_temperature(*unheated_, block, false);
   std::vector<double>& force = values_;
-  unheated_touch_.matrix(response_);
-  unheated_->predicted(response_.data(), force.data());
+  unheated_touch_.matrix(unheated_response_);
+  unheated_->predicted(unheated_response_.data(), force.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     force[taxel] = ignored()[taxel] ? 0.0 : std::max(block.mean[taxel] - force[taxel], 0.0);
   }
@@ -552,7 +552,8 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   }
   const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
   if (!release_.update(contacts, mean_.data(), course.data(), touched_.data(), variance.data(), noise,
-                       chosen_.data())) {
+                       chosen_.data()) ||
+      !drop_shown(variance)) {
     return;
   }
   find_absorbed(absorbed_);
@@ -567,6 +568,20 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());
   filter_.update(chosen_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+}
+
+/// Drop, of the taxels in `chosen_` that look released, those beside a noisy taxel that still shows a force beyond its
+/// variance; return whether any are left.
+bool ForceEstimator::drop_shown(const std::vector<double>& variance) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double least = std::max(array_.threshold, kGate * std::sqrt(variance[taxel]));
+    odd_[taxel] = ignored()[taxel] && informative_[taxel] && mean_[taxel] > least;
+  }
+  surroundings_.dilate(odd_, zeros_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = chosen_[taxel] && !zeros_[taxel];
+  }
+  return chosen_.any();
 }
 
 /// End the touches since before an interruption: where forces stay below zero, they are zero.

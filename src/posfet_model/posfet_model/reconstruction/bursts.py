@@ -14,9 +14,9 @@ So a scan in which some taxel jumps alone, which did not in the scan before, is 
 jump, that was no burst: it is accepted, and the jump was seen one scan late. A jump is a change that differs from the
 one before, so that a fast slide is none. After lost scans nothing is tested.
 
-A jump of nearly all taxels by similar amounts, of half of them by more than the least jump, is refused as well: a supply or
-ground disturbed for a moment looks like that, while a touch that begins on the whole array at once and lasts for one
-scan is rare.
+A jump of nearly all taxels by similar amounts, of half of them by more than the least jump, is refused as well: a
+supply or ground disturbed for a moment looks like that, while a touch that begins on the whole array at once and lasts
+for one scan is rare.
 
 Indistinguishable, and refused when they last for one scan: a sharp tip on the outer half of an outermost taxel,
 whose force the skin spreads off the array; a plate that hits the whole array evenly. Indistinguishable, and are

@@ -237,6 +237,7 @@ private:
   void find_released();
   void reset_released(const Block& block);
   void release(Block& block, const Vector<const Taxels*>& contacts);
+  bool drop_shown(const std::vector<double>& variance);
   void end_unknown_touch(const Block& block);
 
   void finish(const Block& block);
@@ -288,16 +289,17 @@ private:
       recent_force_{};  ///< Of the last
                         ///< blocks [N].
   std::size_t recent_ = 0;
-  ForceErrorFilter* unheated_ = nullptr;  ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
-                                          ///< while that is open.
-  double farthest_ = 0.0;                 ///< Greatest difference from the temperature of the calibration [K].
-  double warmed_since_ = 0.0;             ///< Time since the temperatures were zero, or set to a reading [s].
-  double expected_film_ = 0.0;            ///< Temperature of the film without any change of its rate [K],
-  double expected_rate_ = 0.0;            ///< which is this one [K/s].
-  bool hot_ = false;                      ///< Whether this or the last touch has shown a hot film.
-  bool shown_hot_ = false;                ///< Whether the present one has.
-  double touched_for_ = 0.0;              ///< How long it has lasted [s].
-  double doubt_ = 0.0;                    ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
+  ForceErrorFilter* unheated_ = nullptr;   ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
+                                           ///< while that is open.
+  double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
+  double warmed_since_ = 0.0;              ///< Time since the temperatures were zero, or set to a reading [s].
+  double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
+  double expected_rate_ = 0.0;             ///< which is this one [K/s].
+  bool hot_ = false;                       ///< Whether this or the last touch has shown a hot film.
+  bool shown_hot_ = false;                 ///< Whether the present one has.
+  double touched_for_ = 0.0;               ///< How long it has lasted [s].
+  double doubt_ = 0.0;                     ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].
