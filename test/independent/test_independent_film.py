@@ -228,13 +228,13 @@ def test_slow_pads_bring_the_warmth_of_their_beginning(row: str) -> None:
 
 
 @pytest.mark.slow
-def test_ridges_that_come_nearer_to_a_side_are_no_film_that_cools() -> None:
-    # They come nearer to five taxels at once; and some taxels of the contact, the least significant, counted as
-    # released: 14 % of the scans of ten boards misled.
-    verdicts = [judge(*calibrated("drift", number, "gauss"), "gauss", scenes()["ridged"]) for number in range(1, 9)]
-    assert np.mean([each.error for each in verdicts]) <= 4.2
-    assert np.mean([each.misleading for each in verdicts]) <= 10.0
-    assert min(each.total for each in verdicts) >= 90.0
+def test_what_is_least_significant_of_a_contact_with_the_whole_array_is_not_released_alone() -> None:
+    # Taxels that still felt 10 to 20 mN became zeros, and with them all: 29 and 43 % of the scans misled.
+    for number in (1, 6):
+        board, calibration = calibrated("drift_under_way", number, "gauss")
+        verdict = judge(board, calibration, "gauss", scenes()["ridged"])
+        assert verdict.misleading <= 12.0, verdict
+        assert min(verdict.taxels, verdict.total) >= 90.0, verdict
 
 
 @pytest.mark.parametrize("number", [1, 6])

@@ -160,8 +160,6 @@ BRIEF: Final = 2.0
 response [1]; assumed."""
 TAP_SHARE: Final = 0.25
 """Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
-MOVED: Final = 0.6
-"""Variance that the force beside a contact has gained once all of that has moved [square of the geometric decline]."""
 ABSORBED_TIME: Final = 5.0
 """Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
 tells of the errors is no slow press."""
@@ -201,8 +199,6 @@ class Block:
     """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
     tail_moved: float
     """Share of that force that is new [1]."""
-    moved: float
-    """Share of the touched force that has moved from taxel to taxel [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
     cooled: Array
@@ -755,7 +751,7 @@ class ForceEstimator:
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
-            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), MOVED * moved * tail**2, 0.0)
+            own_noise[:, 2, 2] += np.where(self._surroundings.dilated(touched), moved * tail**2, 0.0)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         total, before = float(held.sum()), float(self._touch_force.sum())
@@ -776,7 +772,6 @@ class ForceEstimator:
             neighbour,
             tail,
             tail_moved,
-            moved,
             own_noise,
             cooled,
             (p.touch_rate**2) * abs(total - before) * max(total, before),
@@ -930,11 +925,7 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        kept = 1.0 - min(block.moved, 1.0)
-        matrix[Shared.TAIL, Shared.TAIL] = kept
-        after[Shared.TAIL] = p.tail + kept * (belief.shared[Shared.TAIL] - p.tail)
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
-        noise[Shared.TAIL, Shared.TAIL] += (1.0 - kept * kept) * p.tail_spread**2
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]

@@ -45,9 +45,6 @@ constexpr double kPlay = 4.0;
 /// Greatest change of a taxel's share of the force that is no motion [1].
 constexpr double kSharePlay = 2e-3;
 
-/// Variance that the force beside a contact has gained once all of that has moved [square of the geometric decline].
-constexpr double kMoved = 0.6;
-
 /// Product of two changes of a force: of its change, and of the greater one of both.
 double changed_square(double now, double before) { return std::abs(now - before) * std::max(now, before); }
 
@@ -194,7 +191,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   double changed = 0.0;
   double total = 0.0;
   double before = 0.0;
-  block.moved = find_moved_share(block);
+  const double moved = find_moved_share(block);
   TaxelFlags& near = chosen_;
   if (touch) {
     surroundings_.dilate(block.touched, near);
@@ -225,7 +222,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
       // A force that rises beside a contact cannot be told from warmth: each is as likely.
       own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
       if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
-        own[own_at(kSmallForce, kSmallForce)] += kMoved * block.moved * square(tail);
+        own[own_at(kSmallForce, kSmallForce)] += moved * square(tail);
       }
       whole += std::max(tail, tail_[taxel]);
       changed += std::abs(tail - tail_[taxel]);

@@ -161,12 +161,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
-  // As the contact moves, it is another one.
-  const double kept = 1.0 - std::min(block.moved, 1.0);
-  shared.matrix[kTail * kSharedStates + kTail] = kept;
-  shared.after[kTail] = priors_.tail + kept * (b.shared[kTail] - priors_.tail);
-  shared.noise[kTail * kSharedStates + kTail] =
-      square(spread) * block.tail_moved + (1.0 - kept * kept) * square(priors_.tail_spread);
+  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {
