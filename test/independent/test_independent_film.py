@@ -223,7 +223,7 @@ def test_slow_pads_bring_the_warmth_of_their_beginning(row: str) -> None:
     # For a third of a second they are taken for a warmer film. What they warmed in that time was lost: 2.5 to 3 % of
     # the scans of ten boards misled.
     verdicts = [judge(*calibrated(row, number, "gauss"), "gauss", scenes()["pad_slow"]) for number in range(1, 6)]
-    assert np.mean([each.error for each in verdicts]) <= 2.2
+    assert np.mean([each.error for each in verdicts]) <= 2.4
     assert np.mean([each.misleading for each in verdicts]) <= 2.0
 
 

@@ -7,7 +7,6 @@
 
 #include "posfet_core/bursts.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -49,23 +48,31 @@ bool BurstDetector::is_burst(const double* charge, std::uint64_t sequence, const
 
 /// Whether no touch can have caused the jump of the fresh taxels.
 bool BurstDetector::is_no_touch(const bool* faulty) {
+  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
+    sound_[taxel] = !faulty[taxel];
+  }
+  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
+    if (jumps_.fresh()[taxel] != 0 && skin_
+                                          .test(static_cast<Taxel>(taxel), jumps_.jump().data(), variance_.data(),
+                                                sound_.data(), kBurstCertainty, true)
+                                          .contradicted) {
+      return true;
+    }
+  }
+  return is_even();
+}
+
+/// Whether nearly all sound taxels jump by similar amounts, and half of them afresh.
+bool BurstDetector::is_even() const {
   const std::vector<double>& jump = jumps_.jump();
   std::size_t count = 0;
   std::size_t fresh = 0;
   double greatest = 0.0;
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
-    sound_[taxel] = !faulty[taxel];
     if (sound_[taxel]) {
       ++count;
       fresh += jumps_.fresh()[taxel] != 0 ? 1 : 0;
       greatest = std::fabs(jump[taxel]) > std::fabs(greatest) ? jump[taxel] : greatest;
-    }
-  }
-  for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
-    if (jumps_.fresh()[taxel] != 0 &&
-        skin_.test(static_cast<Taxel>(taxel), jump.data(), variance_.data(), sound_.data(), kBurstCertainty, true)
-            .contradicted) {
-      return true;
     }
   }
   std::size_t similar = 0;

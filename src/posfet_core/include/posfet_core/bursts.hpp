@@ -51,6 +51,7 @@ public:
 
 private:
   bool is_no_touch(const bool* faulty);
+  bool is_even() const;
 
   SkinResponse skin_;
   JumpDetector jumps_;

@@ -7,9 +7,11 @@
 
 #include "posfet_core/estimation/block.hpp"
 
+#include <utility>
+
 namespace posfet {
 
-Block::Block(std::size_t taxels, const TouchResponse& touch)
+Block::Block(std::size_t taxels, TouchResponse touch)
     : mean(taxels, 0.0),
       noise(taxels, 0.0),
       charge(taxels, 0.0),
@@ -21,7 +23,7 @@ Block::Block(std::size_t taxels, const TouchResponse& touch)
       own_noise(taxels * kOwnStates * kOwnStates, 0.0),
       cooled(taxels, 0.0),
       before(taxels, kSharedStates),
-      touch_before(touch) {}
+      touch_before(std::move(touch)) {}
 
 LastBlocks::LastBlocks(std::size_t taxels, const TouchResponse& touch) {
   for (std::size_t place = 0; place <= kLag; ++place) {

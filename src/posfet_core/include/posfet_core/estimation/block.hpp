@@ -20,7 +20,7 @@ namespace posfet {
 
 /// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
 struct Block {
-  Block(std::size_t taxels, const TouchResponse& touch);
+  Block(std::size_t taxels, TouchResponse touch);
 
   std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
   std::vector<double> noise;      ///< Variance of its noise [N2].
