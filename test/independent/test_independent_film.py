@@ -188,14 +188,14 @@ def test_a_strong_hum_at_the_start_is_no_warming_of_the_film(number: int) -> Non
 
 
 def test_a_taxel_that_measures_nothing_under_a_bar_at_an_angle_is_interpolated() -> None:
-    # Taken for up to 0.47 N in place of 0.19 N: 3.7 % wrong, 24 % of the scans misled.
+    # Estimated as up to 0.47 N in place of 0.19 N: 3.7 % wrong, 24 % of the scans misled.
     board, calibration = calibrated("stuck_bit_7", 6, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()["handle"])
     assert not verdict.failures(Limits(1.0, 90.0, 1.0)), verdict
 
 
 @pytest.mark.parametrize("scene", ["pad", "slow"])
-def test_a_hum_that_wanders_is_followed_while_the_whole_array_is_touched(scene: str) -> None:
+def test_a_hum_that_drifts_is_tracked_while_the_whole_array_is_touched(scene: str) -> None:
     # It was predicted there: 4.6 % wrong, 18 % of the scans misled; 0.2 N within 10 s was 8 % wrong.
     board, calibration = calibrated("hum", 1, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()[scene])
@@ -220,7 +220,7 @@ def test_pads_are_measured_while_the_chip_drifts_by_2_kelvin_a_minute(scene: str
 @pytest.mark.slow
 @pytest.mark.parametrize("row", ["moderate", "warmth_30mK"])
 def test_slow_pads_bring_the_warmth_of_their_beginning(row: str) -> None:
-    # For a third of a second they are taken for a warmer film. What they warmed in that time was lost: 2.5 to 3 % of
+    # For a third of a second they count as a warmer film. What they warmed in that time was lost: 2.5 to 3 % of
     # the scans of ten boards misled.
     verdicts = [judge(*calibrated(row, number, "gauss"), "gauss", scenes()["pad_slow"]) for number in range(1, 6)]
     assert np.mean([each.error for each in verdicts]) <= 2.4

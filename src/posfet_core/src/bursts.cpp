@@ -48,14 +48,14 @@ bool BurstDetector::is_burst(const double* charge, std::uint64_t sequence, const
 
 /// Whether no touch can have caused the jump of the fresh taxels.
 bool BurstDetector::is_no_touch(const bool* faulty) {
+  const double* const jump = jumps_.jump().data();
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
     sound_[taxel] = !faulty[taxel];
   }
   for (std::size_t taxel = 0; taxel < sound_.size(); ++taxel) {
-    if (jumps_.fresh()[taxel] != 0 && skin_
-                                          .test(static_cast<Taxel>(taxel), jumps_.jump().data(), variance_.data(),
-                                                sound_.data(), kBurstCertainty, true)
-                                          .contradicted) {
+    if (jumps_.fresh()[taxel] != 0 &&
+        skin_.test(static_cast<Taxel>(taxel), jump, variance_.data(), sound_.data(), kBurstCertainty, true)
+            .contradicted) {
       return true;
     }
   }

@@ -77,10 +77,10 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
   if (!searches() || state().filled < scans()) {
     return;
   }
-  find_free(ignored);
+  const bool untouched = find_free(ignored);
   if (state().present) {
     track(touched_.any());
-  } else if (enough_) {
+  } else if (untouched) {
     detect();
   }
   if (state().present || suspected_) {
@@ -91,8 +91,9 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
   }
 }
 
-/// Find the taxels that work and were not touched in the window; all that work where these are too few.
-void MainsHum::find_free(const bool* ignored) {
+/// Find the taxels that work and were not touched in the window, or all that work where these are too few; return
+/// whether they were not touched.
+bool MainsHum::find_free(const bool* ignored) {
   std::size_t working = 0;
   free_count_ = 0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -100,13 +101,14 @@ void MainsHum::find_free(const bool* ignored) {
     working += ignored[taxel] ? 0 : 1;
     free_count_ += free_[taxel] ? 1 : 0;
   }
-  enough_ = static_cast<double>(free_count_) >= std::max(1.0, kFewestFree * static_cast<double>(working));
-  if (!enough_) {
-    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-      free_[taxel] = !ignored[taxel];
-    }
-    free_count_ = working;
+  if (static_cast<double>(free_count_) >= std::max(1.0, kFewestFree * static_cast<double>(working))) {
+    return true;
   }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    free_[taxel] = !ignored[taxel];
+  }
+  free_count_ = working;
+  return false;
 }
 
 /// Detect a persistent hum: two consecutive windows must agree.
@@ -155,7 +157,7 @@ void MainsHum::begin(double phase_change) {
   state().phase -= 0.5 * phase_change;  // it was measured in the middle of the window
   windows_ = 1;
   const double size = std::abs(before_);
-  lock_.begin(duration, noise_of_window_ * noise_of_window_ / (static_cast<double>(free_count_) * size * size));
+  lock_.begin(duration, square(noise_of_window_) / (static_cast<double>(free_count_) * size * size));
 }
 
 /// Correct phase, frequency and size by the residual hum of the free taxels, and each taxel's while nothing touches.
@@ -170,7 +172,7 @@ void MainsHum::track(bool touched) {
   double power = 0.0;
   double in_phase = 0.0;
   double lead = 0.0;
-  double square = 0.0;
+  double left = 0.0;
   for (std::size_t taxel = 0; taxel < count; ++taxel) {
     if (free_[taxel]) {
       const double cosine = parts()[taxel];
@@ -180,7 +182,7 @@ void MainsHum::track(bool touched) {
       power += cosine * cosine + sine * sine;
       in_phase += cosine * of_cosine + sine * of_sine;
       lead += sine * of_cosine - cosine * of_sine;
-      square += of_cosine * of_cosine + of_sine * of_sine;
+      left += of_cosine * of_cosine + of_sine * of_sine;
     }
   }
   if (power == 0.0) {
@@ -190,9 +192,9 @@ void MainsHum::track(bool touched) {
   in_phase /= power;
   lead /= power;
   // What is left of the window by the taxels' own errors, and by what touches them, is the noise of what they share.
-  const double rest = square - power * (in_phase * in_phase + lead * lead);
+  const double rest = left - power * (in_phase * in_phase + lead * lead);
   const double freedom = 2.0 * std::max(static_cast<double>(free_count_) - 1.0, 1.0);
-  const double variance = std::max(rest / freedom, noise_of_window_ * noise_of_window_) / power;
+  const double variance = std::max(rest / freedom, square(noise_of_window_)) / power;
   const HumLock::Gains gains = lock_.measure(duration, variance);
   if (!touched) {
     ++windows_;
@@ -207,9 +209,7 @@ void MainsHum::track(bool touched) {
   const double error = limited(std::atan2(lead, 1.0 + in_phase));
   state().phase += (gains.phase - duration * gains.frequency) * error;  // at the start of the window
   state().frequency += gains.frequency * error / kTurn;
-  const double factor = 1.0 + gains.size * limited(in_phase);
-  lock_.scale(factor);
-  scale(factor);
+  scale(1.0 + gains.size * limited(in_phase));
 }
 
 /// Correct the parts of an order by what the window has left of them, beyond what all taxels have in common.
@@ -229,6 +229,7 @@ void MainsHum::correct(std::size_t index, double gain, double in_phase, double l
 
 /// Scale all amplitudes; drop the hum when it becomes negligible.
 void MainsHum::scale(double factor) {
+  lock_.scale(factor);
   for (double& part : parts()) {
     part *= factor;
   }

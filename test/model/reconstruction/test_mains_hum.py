@@ -174,7 +174,7 @@ def test_during_a_long_touch_untouched_taxels_keep_the_phase_locked() -> None:
 
 @pytest.mark.parametrize("touched", [[], CONTACT, list(range(TAXELS))])
 @pytest.mark.parametrize("strength", [1.5, 30.0])
-def test_a_mains_frequency_that_wanders_is_followed_whatever_is_touched(touched: list[int], strength: float) -> None:
+def test_a_mains_frequency_that_swings_is_tracked_whatever_is_touched(touched: list[int], strength: float) -> None:
     mains = MainsHum(TAXELS, RATE, NOISE)
     steady = hum(50.0, strength)
 

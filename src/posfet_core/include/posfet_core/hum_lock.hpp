@@ -5,7 +5,8 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// What is tracked of a mains hum: its phase, its frequency, and the size that all taxels share, which all wander.
+/// What is tracked of a mains hum: its phase, its frequency, and the size that all taxels have in common; frequency and
+/// size are random walks.
 #pragma once
 
 namespace posfet {

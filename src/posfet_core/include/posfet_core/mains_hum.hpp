@@ -8,8 +8,8 @@
 /// Mains hum: estimated where nothing touches and subtracted everywhere, in contacts as well.
 ///
 /// All taxels hum at one frequency, each with its own amplitude and phase. These are estimated in windows of whole
-/// periods without touch. Phase and frequency, which wander, and the size of all are tracked in every window by a
-/// Kalman filter: on the taxels that are not in contact, so that a touch that vibrates at the mains frequency is
+/// periods without touch. Phase, frequency and the size of all drift, and are tracked in every window by a Kalman
+/// filter: on the taxels that are not in contact, so that a touch that vibrates at the mains frequency is
 /// preserved. Where too few taxels are untouched, what all have in common at that frequency counts as hum.
 ///
 /// A hum is found, and its phase and frequency are tracked, by the fundamental. Its third and fifth harmonics have
@@ -91,7 +91,7 @@ public:
 private:
   using Phasor = std::complex<double>;
 
-  void find_free(const bool* ignored);
+  bool find_free(const bool* ignored);
   void detect();
   void begin(double phase_change);
   void track(bool touched);
@@ -111,7 +111,6 @@ private:
   TaxelFlags touched_;            ///< In the window.
   TaxelFlags free_;               ///< Taxels from which the hum is estimated.
   std::size_t free_count_ = 0;    ///< Their number.
-  bool enough_ = false;           ///< Whether they are untouched.
   std::vector<double> measured_;  ///< Cosine and sine parts of the window's signals at one order, [2, taxels].
   bool suspected_ = false;
   Phasor before_;  ///< Mean of the free taxels in the previous window, where a hum was suspected.

@@ -114,6 +114,11 @@ void ForceEstimator::find_tails(Block& block) {
   }
 }
 
+/// What a belief says of the errors that the responses to a touch depend on, at the leakage of a block.
+TouchResponse::Known ForceEstimator::known_errors(const Belief& belief, const Block& block) {
+  return {(1.0 + belief.shared[kLeak]) / block.leak - 1.0, belief.shared[kWarmth]};
+}
+
 /// Advance the responses to the touch.
 void ForceEstimator::measure_touch(Block& block) {
   std::vector<double>& force = values_;
@@ -132,8 +137,7 @@ void ForceEstimator::measure_touch(Block& block) {
   if (priors_.warmth_certain > 0.0) {
     add_held_forces(force, least, block.duration);
   }
-  const double slower = (1.0 + belief()->shared[kLeak]) / block.leak - 1.0;
-  touch_.advance(force, least, most, block.duration, {slower, belief()->shared[kWarmth]});
+  touch_.advance(force, least, most, block.duration, known_errors(*belief(), block));
   touch_.matrix(block.response);
   block.warming = touch_.warming();
 }
@@ -188,10 +192,10 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const double spread = square(tail_spread());
   const double cooled = -std::expm1(-block.span / priors_.warmth_time);
   double whole = 0.0;
-  double changed = 0.0;
+  double moved = 0.0;
   double total = 0.0;
   double before = 0.0;
-  const double moved = find_moved_share(block);
+  const double moved_share = find_moved_share(block);
   TaxelFlags& near = chosen_;
   if (touch) {
     surroundings_.dilate(block.touched, near);
@@ -222,10 +226,10 @@ void ForceEstimator::measure_process_noise(Block& block) {
       // A force that rises beside a contact cannot be told from warmth: each is as likely.
       own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
       if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
-        own[own_at(kSmallForce, kSmallForce)] += moved * square(tail);
+        own[own_at(kSmallForce, kSmallForce)] += moved_share * square(tail);
       }
       whole += std::max(tail, tail_[taxel]);
-      changed += std::abs(tail - tail_[taxel]);
+      moved += std::abs(tail - tail_[taxel]);
     }
     total += held;
     before += touch_force_[taxel];
@@ -233,7 +237,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     tail_[taxel] = tail;
     warmth_[taxel] = warmth;
   }
-  block.tail_moved = whole > 0.0 ? changed / whole : 0.0;
+  block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
   // As far from the temperature of the calibration as never before.
   const double warmer = std::max(farthest_, std::abs(integration_->block().warmer));
   block.leak_noise = square(array_.leak_temperature.deviation) * (square(warmer) - square(farthest_));

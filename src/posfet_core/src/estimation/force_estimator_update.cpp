@@ -358,9 +358,7 @@ void ForceEstimator::follow_unheated(const Block& block) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     force[taxel] = ignored()[taxel] ? 0.0 : std::max(block.mean[taxel] - force[taxel], 0.0);
   }
-  const std::vector<double>& shared = unheated_->belief()->shared;
-  const double slower = (1.0 + shared[kLeak]) / block.leak - 1.0;
-  unheated_touch_.advance(force, force, force, block.duration, {slower, shared[kWarmth]});
+  unheated_touch_.advance(force, force, force, block.duration, known_errors(*unheated_->belief(), block));
 }
 
 /// Keep the belief as it is: what the other one would say no longer matters.

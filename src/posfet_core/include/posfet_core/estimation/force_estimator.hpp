@@ -199,6 +199,7 @@ private:
   void find_touched(Block& block);
   bool find_unreleased(TaxelFlags& listed, Taxels& lost);
   void measure(Block& block);
+  static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
   void measure_touch(Block& block);
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
   void find_tails(Block& block);
