@@ -369,7 +369,7 @@ class ForceErrorFilter:
         b.slope -= gain[:, :, None] * sensitivity[:, None, :]
         b.own -= gain[:, :, None] * own[:, None, :]
 
-    def temperature_innovation(self, reading: float, variance: float, time: float) -> tuple[float, Array, float]:
+    def temperature_innovation(self, reading: float, variance: float, leaked_time: float) -> tuple[float, Array, float]:
         """Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].
 
         Parameters
@@ -378,24 +378,24 @@ class ForceErrorFilter:
             Mean change of the sensors since the start [K].
         variance : float
             Variance of its noise [K2].
-        time : float
-            Time since the temperatures were zero [s].
+        leaked_time : float
+            Time since the temperatures were zero, as one with the leak rates of the calibration [s].
         """
-        sensitivity = self._reading_sensitivity(time)
+        sensitivity = self._reading_sensitivity(leaked_time)
         column = self.belief.covariance @ sensitivity
         expected = (1.0 + self.belief.shared[Shared.SCALE]) * sensitivity[Shared.SCALE]
         return float(reading - expected), column, float(sensitivity @ column) + variance
 
-    def _reading_sensitivity(self, time: float) -> Array:
-        """Return the derivatives of a reading, (1 + scale) (S + zero + U0 t), with respect to the shared states."""
+    def _reading_sensitivity(self, leaked_time: float) -> Array:
+        """Return the derivatives of a reading, (1 + scale) (S + zero + U0 t'), with respect to the shared states."""
         shared = self.belief.shared
         sensitivity = np.zeros(len(shared))
         sensitivity[[Shared.SENSOR, Shared.ZERO]] = 1.0 + shared[Shared.SCALE]
-        sensitivity[Shared.EARLIER] = sensitivity[Shared.SENSOR] * time
-        sensitivity[Shared.SCALE] = shared[Shared.SENSOR] + shared[Shared.EARLIER] * time + shared[Shared.ZERO]
+        sensitivity[Shared.EARLIER] = sensitivity[Shared.SENSOR] * leaked_time
+        sensitivity[Shared.SCALE] = shared[Shared.SENSOR] + shared[Shared.EARLIER] * leaked_time + shared[Shared.ZERO]
         return sensitivity
 
-    def measure_temperature(self, reading: float, variance: float, time: float) -> None:
+    def measure_temperature(self, reading: float, variance: float, leaked_time: float) -> None:
         """Update by a reading of the temperature sensors.
 
         Parameters
@@ -404,11 +404,11 @@ class ForceErrorFilter:
             Mean change of the sensors since the start [K].
         variance : float
             Variance of its noise [K2].
-        time : float
-            Time since the temperatures were zero [s].
+        leaked_time : float
+            Time since the temperatures were zero, as one with the leak rates of the calibration [s].
         """
-        innovation = self.temperature_innovation(reading, variance, time)[0]
-        self.measure_shared(innovation, self._reading_sensitivity(time), variance)
+        innovation = self.temperature_innovation(reading, variance, leaked_time)[0]
+        self.measure_shared(innovation, self._reading_sensitivity(leaked_time), variance)
 
     def measure_shared(self, innovation: float, sensitivity: Array, variance: float) -> None:
         """Update by a measurement of the shared states alone.

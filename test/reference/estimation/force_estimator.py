@@ -185,8 +185,9 @@ class Block:
     """Variance of its noise [K2]."""
     interval: float
     """Time since the reading before [s]."""
-    time: float
-    """Time since the temperatures were zero [s]."""
+    leaked_time: float
+    """Time since the temperatures were zero, as one with the leak rates of the calibration [s]: offsets have leaked for
+    so long."""
     listed: Mask
     """Taxels in contact."""
     touched: Mask
@@ -247,7 +248,7 @@ class ForceEstimator:
     touch_at_start: bool = False
     """Whether forces are not valid until a release or a forced tare shows what no force is; may change."""
     _zero_known: bool = False
-    _warmed_since: float = 0.0
+    _leaked_since: float = 0.0
     _farthest: float = 0.0
 
     def __init__(
@@ -715,7 +716,7 @@ class ForceEstimator:
         charge = (leaked - self._leaked) / (self._per_second() * self._elapsed)
         self._leaked = leaked
         self._unread += self._elapsed
-        self._warmed_since += self._elapsed
+        self._leaked_since += self._elapsed * self._integration.leak
         repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
         if repeated:
             self._reading = self._sensors
@@ -765,7 +766,7 @@ class ForceEstimator:
             self._reading,
             self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
             min(self._unread, LONGEST_INTERVAL),
-            self._warmed_since,
+            self._leaked_since,
             listed,
             touched,
             response,
@@ -893,26 +894,26 @@ class ForceEstimator:
         if math.isnan(block.reading):
             return
         variance = block.reading_variance
-        innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
+        innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising and not zeros:
             rate = min(abs(innovation) / block.interval, self._priors.fastest)
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
-            innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
+            innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        early = block.time < EARLY and not any_true(block.touched)
+        early = block.leaked_time < EARLY and not any_true(block.touched)
         if surprising and zeros and self._uniform.observable and early:
             direction = np.eye(COUNT)[Shared.EARLIER]
-            direction[Shared.ZERO] = -0.5 * block.time  # half of what was missed has counted as an error of the zero
-            f.admit(direction, min(2.0 * abs(innovation) / block.time, self._priors.rate) ** 2)
-            innovation, _, total = f.temperature_innovation(block.reading, variance, block.time)
+            direction[Shared.ZERO] = -0.5 * block.leaked_time  # half of what was missed has counted as an error of the zero
+            f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
+            innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising:
             variance += (innovation / SURPRISING) ** 2
         # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
-        _, column, total = f.temperature_innovation(block.reading, variance, block.time)
+        _, column, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
-        f.measure_temperature(block.reading, variance, block.time)
+        f.measure_temperature(block.reading, variance, block.leaked_time)
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
         """Propagate a belief over a block; return the taxels beside a contact."""
@@ -1334,7 +1335,7 @@ class ForceEstimator:
             mean[Shared.EARLIER] = belief.shared[Shared.EARLIER]
             covariance[Shared.EARLIER, Shared.EARLIER] = belief.covariance[Shared.EARLIER, Shared.EARLIER]
             self._filter.restart_temperature(self._sensors, mean, covariance)
-            self._warmed_since = 0.0
+            self._leaked_since = 0.0
             self._unread, self._reading = 0.0, math.nan  # it says what these temperatures are, and nothing else
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored

@@ -298,23 +298,24 @@ void ForceErrorFilter::require_temperatures() const {
   }
 }
 
-TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, double variance, double time) const {
+TemperatureInnovation ForceErrorFilter::temperature_innovation(double reading, double variance,
+                                                               double leaked_time) const {
   require_temperatures();
   const Belief& b = *belief_;
   const double scale = 1.0 + b.shared[kScale];
-  const double sensors = b.shared[kSensor] + b.shared[kEarlier] * time + b.shared[kZero];
+  const double sensors = b.shared[kSensor] + b.shared[kEarlier] * leaked_time + b.shared[kZero];
   TemperatureInnovation found{reading - scale * sensors, Vector<double>(b.states(), 0.0), Vector<double>(b.states()),
                               variance};
   found.sensitivity[kSensor] = found.sensitivity[kZero] = scale;
-  found.sensitivity[kEarlier] = scale * time;
+  found.sensitivity[kEarlier] = scale * leaked_time;
   found.sensitivity[kScale] = sensors;
   multiply(found.sensitivity.data(), b.covariance().data(), found.column.data(), 1, b.states(), b.states());
   found.variance += dot(found.sensitivity.data(), found.column.data(), b.states());
   return found;
 }
 
-void ForceErrorFilter::measure_temperature(double reading, double variance, double time) {
-  const TemperatureInnovation found = temperature_innovation(reading, variance, time);
+void ForceErrorFilter::measure_temperature(double reading, double variance, double leaked_time) {
+  const TemperatureInnovation found = temperature_innovation(reading, variance, leaked_time);
   measure_shared(found.innovation, found.sensitivity.data(), variance);
 }
 

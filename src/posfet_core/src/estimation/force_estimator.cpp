@@ -313,7 +313,7 @@ void ForceEstimator::start(const double* charge) {
     mean[kEarlier] = b.shared[kEarlier];
     covariance[kEarlier * kSharedStates + kEarlier] = b.variance(kEarlier);
     filter_.restart_temperature(sensors, mean.data(), covariance.data());
-    warmed_since_ = 0.0;
+    leaked_since_ = 0.0;
   }
   std::vector<double>& before = values_;
   std::vector<double>& remaining = noise_;

@@ -82,8 +82,8 @@ void ForceEstimator::measure(Block& block) {
 void ForceEstimator::take_reading(Block& block) {
   ForceIntegration::Block& scans = integration_->block();
   unread_ += scans.elapsed;
-  warmed_since_ += scans.elapsed;
-  block.time = warmed_since_;
+  leaked_since_ += scans.elapsed * scans.leak;
+  block.leaked_time = leaked_since_;
   const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated && integration_->thermometers().known();
   block.reading = repeated ? scans.sensors : scans.reading;
   block.reading_variance = square(priors_.reading) * (repeated ? kSameError / kRepeated : 1.0);

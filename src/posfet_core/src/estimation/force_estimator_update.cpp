@@ -121,27 +121,27 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
   const auto is_surprising = [](const TemperatureInnovation& found) {
     return square(found.innovation) > square(kSurprising) * found.variance;
   };
-  TemperatureInnovation found = filter.temperature_innovation(block.reading, variance, block.time);
+  TemperatureInnovation found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   if (is_surprising(found) && !zeros) {
     const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
-    found = filter.temperature_innovation(block.reading, variance, block.time);
+    found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
-  const bool early = block.time < kEarly && !block.touched.any();
+  const bool early = block.leaked_time < kEarly && !block.touched.any();
   if (is_surprising(found) && zeros && uniform_.observable() && early) {
     std::array<double, kSharedStates> earlier{};
     earlier[kEarlier] = 1.0;
-    earlier[kZero] = -0.5 * block.time;  // half of what was missed until now has counted as an error of the zero
-    filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.time, priors_.rate)));
-    found = filter.temperature_innovation(block.reading, variance, block.time);
+    earlier[kZero] = -0.5 * block.leaked_time;  // half of what was missed until now has counted as an error of the zero
+    filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, priors_.rate)));
+    found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
   if (is_surprising(found)) {
     variance += square(found.innovation / kSurprising);
-    found = filter.temperature_innovation(block.reading, variance, block.time);
+    found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
   // The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
   variance += std::max(std::abs(found.innovation * found.column[kLag]) / kLargestLagStep - found.variance, 0.0);
-  filter.measure_temperature(block.reading, variance, block.time);
+  filter.measure_temperature(block.reading, variance, block.leaked_time);
 }
 
 /// Propagate a belief over a block; finds the taxels beside a contact.

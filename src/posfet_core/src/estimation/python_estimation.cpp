@@ -275,14 +275,14 @@ void bind_updates(BoundFilter& bound) {
            "Update the masked taxels by residuals that say nothing about the shared states.")
       .def(
           "temperature_innovation",
-          [](const ForceErrorFilter& filter, double reading, double variance, double time) {
-            const TemperatureInnovation found = filter.temperature_innovation(reading, variance, time);
+          [](const ForceErrorFilter& filter, double reading, double variance, double leaked_time) {
+            const TemperatureInnovation found = filter.temperature_innovation(reading, variance, leaked_time);
             return py::make_tuple(found.innovation, copy_of(found.column, {found.column.size()}), found.variance);
           },
-          py::arg("reading"), py::arg("variance"), py::arg("time"),
+          py::arg("reading"), py::arg("variance"), py::arg("leaked_time"),
           "Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].")
       .def("measure_temperature", &ForceErrorFilter::measure_temperature, py::arg("reading"), py::arg("variance"),
-           py::arg("time"), "Update by a reading of the temperature sensors.")
+           py::arg("leaked_time"), "Update by a reading of the temperature sensors.")
       .def(
           "measure_shared",
           [](ForceErrorFilter& filter, double innovation, const Values& sensitivity, double variance) {

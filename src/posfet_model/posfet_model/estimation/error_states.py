@@ -42,7 +42,7 @@ class Shared(IntEnum):
     """Relative error of the sensors' scale [1]."""
     EARLIER = 6
     """Rate at which the film has warmed since before the start, which no charge shows [K/s]: the temperatures above are
-    without it."""
+    without it. Its charge is in the offsets, which leak; at the leak rates of the calibration."""
     ZERO = 7
     """Error of the first reading of the sensors, which says what zero is [K]."""
     BEND = 8

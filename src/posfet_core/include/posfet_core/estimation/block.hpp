@@ -31,7 +31,8 @@ struct Block {
   double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
   double reading_variance = 0.0;  ///< Variance of its noise [K2].
   double interval = 0.0;          ///< Time since the reading before [s].
-  double time = 0.0;              ///< Time since the temperatures were zero [s].
+  double leaked_time = 0.0;       ///< Time since the temperatures were zero, as one with the leak rates of the
+                                  ///< calibration [s]: offsets have leaked for so long.
   TaxelFlags listed;              ///< Taxels in contact.
   TaxelFlags touched;             ///< These, and those whose residual was unexplained.
   std::vector<double> response;   ///< Responses of the force errors to the shared states, [taxels, states].

@@ -86,12 +86,12 @@ public:
   /// Update taxels by residuals that say nothing about the shared states.
   void update_alone(const bool* where, const double* residual, const double* sensitivity, const double* noise);
 
-  /// Compare a reading of the sensors [K] of this variance [K2] with its expectation; `time` is that since the
-  /// temperatures were zero [s].
-  TemperatureInnovation temperature_innovation(double reading, double variance, double time) const;
+  /// Compare a reading of the sensors [K] of this variance [K2] with its expectation; `leaked_time` is that of a
+  /// block [s].
+  TemperatureInnovation temperature_innovation(double reading, double variance, double leaked_time) const;
 
   /// Update by a reading of the temperature sensors.
-  void measure_temperature(double reading, double variance, double time);
+  void measure_temperature(double reading, double variance, double leaked_time);
 
   /// Update by a measurement of the shared states alone: what it differs from its expectation by, its sensitivity to
   /// them, [states], and the variance of its noise.

@@ -294,7 +294,7 @@ private:
   ForceErrorFilter* unheated_ = nullptr;   ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
                                            ///< while that is open.
   double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
-  double warmed_since_ = 0.0;              ///< Time since the temperatures were zero, or set to a reading [s].
+  double leaked_since_ = 0.0;              ///< `Block::leaked_time` of the newest block [s].
   double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
   double expected_rate_ = 0.0;             ///< which is this one [K/s].
   bool hot_ = false;                       ///< Whether this or the last touch has shown a hot film.

@@ -19,7 +19,8 @@ constexpr std::size_t kSensor = 3;   ///< Temperature of the sensors since the s
 constexpr std::size_t kLag = 4;      ///< Natural logarithm of the time constant of the sensors' lag in seconds [1].
 constexpr std::size_t kScale = 5;    ///< Relative error of the sensors' scale [1].
 constexpr std::size_t kEarlier = 6;  ///< Rate at which the film has warmed since before the start, which no charge
-                                     ///< shows [K/s]: the temperatures above are without it.
+                                     ///< shows [K/s]: the temperatures above are without it. Its charge is in the
+                                     ///< offsets, which leak; at the leak rates of the calibration.
 constexpr std::size_t kZero = 7;     ///< Error of the first reading of the sensors, which says what zero is [K].
 constexpr std::size_t kThermal = 8;  ///< Number of the states that concern temperatures: those above.
 constexpr std::size_t kBend = 8;     ///< Charge of bending on every taxel, as a force per total force [1].
