@@ -82,6 +82,7 @@ HELD_SLOWLY = (
         )
     ),
     ("moderate_under_way", "power_on"),
+    ("moderate_under_way", "hold300"),
     *(
         (row, "mixed")
         for row in (
@@ -143,6 +144,14 @@ def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
     assert verdict.misleading <= 1.0
     assert verdict.total >= 90.0
     assert verdict.error < 25.0
+
+
+def test_what_warmth_hides_of_a_light_touch_warms_as_well() -> None:
+    # Where weak forces are hidden altogether, it is most of the force that warms: 20 % of the scans were valid.
+    board, calibration = calibrated("moderate", 12, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["slow"])
+    assert verdict.valid < 12.0
+    assert verdict.misleading == 0.0
 
 
 def test_a_tap_within_a_scan_or_two_is_within_its_deviation() -> None:

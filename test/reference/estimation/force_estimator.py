@@ -1250,24 +1250,27 @@ class ForceEstimator:
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
-        self._follow_hidden(block)
-        self._factor[:, COUNT + 2] = self._absorbed() + self._hidden
+        absorbed = self._absorbed()
+        self._follow_hidden(block, absorbed)
+        self._factor[:, COUNT + 2] = absorbed + self._hidden
         self._factor[:, COUNT + 3] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
         self._own = own
 
-    def _follow_hidden(self, block: Block) -> None:
+    def _follow_hidden(self, block: Block, absorbed: Array) -> None:
         """Follow what the warmth of an object may hide of a touch that no contact lists yet.
 
-        What a tap leaves of its force is no touch: warmth hides none of it within a block.
+        What the taxel reads, what zeros have absorbed of it and what is hidden cause that warmth together. What a tap leaves of its force is no touch: warmth hides none of it within a block.
         """
         mean = np.maximum(self._mean, 0.0)
         fallen = self._felt - mean
         tap = (fallen > TAP_SHARE * self._felt) & (fallen**2 > GATE**2 * 2.0 * block.noise)
         self._tapped = self._touched & (self._tapped | tap)
         self._felt = mean
-        felt = np.where(self._touched & ~self._tapped & ~any_true(self._listed), mean, 0.0)
+        touch = self._touched & ~self._tapped & ~any_true(self._listed)
+        read = np.where(touch, mean + absorbed, 0.0)
+        felt = read + self._hidden * (read**2 > SURPRISING**2 * block.noise)
         variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
         kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
         share = -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)
