@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from independent.contacts import CoverName, Scene, Touch, course, sphere
 from independent.film import Array, Board, Effects, Load
@@ -112,7 +113,7 @@ def readings(sensor: Sensor, seed: int) -> tuple[Array, Array]:
     return time + CLOCK_DELAY, values
 
 
-def calibrate(board: Board, cover: CoverName, exact: bool = False) -> Calibration:
+def calibrate(board: Board, cover: CoverName, exact: bool = False, crosstalk: float = 0.0) -> Calibration:
     """Return the calibration of a board on its own stand.
 
     Parameters
@@ -123,6 +124,8 @@ def calibrate(board: Board, cover: CoverName, exact: bool = False) -> Calibratio
         Its cover: gauss, layer or half_space.
     exact : bool, default False
         Whether the stand knows the true force on each taxel, to find out what its ignorance of the cover costs.
+    crosstalk : float, default 0.0
+        Share of the signal of each of its four neighbours that a taxel picks up [1].
 
     Returns
     -------
@@ -140,12 +143,22 @@ def calibrate(board: Board, cover: CoverName, exact: bool = False) -> Calibratio
     recording = board.record(load, _RECORDING)
     time = recording.index / sensor.can.scan_rate
     temperature = interpolated_temperature(time, recording.temperatures.mean(axis=1, dtype=np.float64))
-    scans = Scans(time, recording.counts, temperature)
+    scans = Scans(time, _with_crosstalk(sensor, recording.counts, crosstalk), temperature)
     reference = Reference(*readings(sensor, board.seed))
     combined, _ = combine(sensor, scans, reference, Sphere(BALL_RADIUS, BALL_MODULUS))
     if exact:
-        np.copyto(combined.force, load.force[recording.index])
+        combined = replace(combined, force=load.force[recording.index], covers=np.zeros((0, 0, 0)))
     return fit(sensor, combined, "2026-01-01")
+
+
+def _with_crosstalk(sensor: Sensor, counts: NDArray[np.uint16], share: float) -> NDArray[np.uint16]:
+    """Return the counts of a board whose taxels pick up a share of the signals of their neighbours."""
+    if share == 0.0:
+        return counts
+    near = np.hypot(*(sensor.layout.positions[:, None] - sensor.layout.positions).T) < 1.1 * sensor.layout.pitch_x
+    at_rest = counts[:500].mean(axis=0)
+    picked_up = share * (counts - at_rest) @ (near & ~np.eye(len(near), dtype=np.bool_))
+    return np.rint(counts + picked_up).astype(np.uint16)
 
 
 def calibration_of(board: Board, cover: CoverName, folder: Path | None = None) -> Calibration:

@@ -35,7 +35,7 @@ import pytest
 from independent.contacts import COVERS, CoverName, cover_of, scenes, sphere
 from independent.film import RELAXATION_TIMES, Board, Effects, gate_voltage, low_pass, play
 from independent.judge import Limits, judge, rows, scans
-from independent.stand import calibration_of, programme
+from independent.stand import calibrate, calibration_of, programme
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.error_states import Shared
 from posfet_model.reconstruction.reconstructor import Reconstructor
@@ -128,6 +128,11 @@ def test_the_model_meets_the_requirements(row: str, scene: str) -> None:
     check(row, scene)
 
 
+def test_a_cover_as_in_the_sensor_file_stays_one() -> None:
+    _, calibration = calibrated("moderate", BOARD, "gauss")
+    np.testing.assert_array_equal(calibration.cover_shares, np.eye(len(calibration.cover_spreads))[0])
+
+
 def test_a_pad_that_follows_another_is_not_taken_for_a_drift_of_the_chip() -> None:
     # Half a second after a pad the rate of the chip is hardly known. Free to change as soon as under a warm finger, it
     # became that of the next pad's rise: no force at all, and valid. Each block of such a rise is less than its noise.
@@ -146,14 +151,6 @@ def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
     assert verdict.error < 25.0
 
 
-def test_what_warmth_hides_of_a_light_touch_warms_as_well() -> None:
-    # Where weak forces are hidden altogether, it is most of the force that warms: 20 % of the scans were valid.
-    board, calibration = calibrated("moderate", 12, "gauss")
-    verdict = judge(board, calibration, "gauss", scenes()["slow"])
-    assert verdict.valid < 12.0
-    assert verdict.misleading == 0.0
-
-
 def test_a_tap_within_a_scan_or_two_is_within_its_deviation() -> None:
     # The film answers it more than the presses of a calibration by 6 to 14 %, within a block that is not over.
     board, calibration = calibrated("moderate", BOARD, "gauss")
@@ -166,6 +163,31 @@ def test_a_board_that_warms_up_reads_no_force_that_is_none() -> None:
     board, calibration = calibrated("moderate", BOARD, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()["power_on"])
     assert not verdict.failures(Limits(3.0, 90.0, 2.0, clean=True, left=0.02)), verdict
+
+
+def test_what_warmth_hides_of_a_light_touch_warms_as_well() -> None:
+    # Where weak forces are hidden altogether, it is most of the force that warms: 20 % of the scans were valid.
+    board, calibration = calibrated("moderate", 12, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["slow"])
+    assert verdict.valid < 12.0
+    assert verdict.misleading == 0.0
+
+
+@pytest.mark.parametrize("cover", ["layer", "half_space"])
+def test_a_cover_that_is_no_gaussian_is_found_by_the_presses(cover: CoverName) -> None:
+    # Spread as a Gaussian of the sensor file, the forces on the taxels gave gains that were wrong by 4 and 7 %.
+    board, calibration = calibrated("none", BOARD, cover)
+    exact = calibrate(board, cover, exact=True)
+    np.testing.assert_allclose(calibration.gain, exact.gain, rtol=0.02)
+    verdict = judge(board, calibration, cover, scenes()["mixed"])
+    assert verdict.error < 0.8
+    assert verdict.misleading == 0.0
+
+
+def test_crosstalk_is_no_cover() -> None:
+    calibration = calibrate(Board(SENSOR, rows()["none"].effects, BOARD), "gauss", crosstalk=0.02)
+    assert calibration.crosstalk == pytest.approx(0.02, abs=1e-3)
+    np.testing.assert_array_equal(calibration.cover_shares, np.eye(len(calibration.cover_spreads))[0])
 
 
 def test_an_edge_that_moves_is_no_drift_of_the_chip() -> None:
@@ -215,6 +237,13 @@ def test_a_hum_that_drifts_is_tracked_while_the_whole_array_is_touched(scene: st
 @pytest.mark.parametrize(("row", "scene"), HELD_SLOWLY)
 def test_the_model_meets_the_requirements_of_single_effects(row: str, scene: str) -> None:
     check(row, scene)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cover", ["layer", "half_space"])
+@pytest.mark.parametrize("scene", ["mixed", "sliding", "pad"])
+def test_the_requirements_are_met_under_other_covers(scene: str, cover: CoverName) -> None:
+    check("moderate", scene, cover)
 
 
 @pytest.mark.slow

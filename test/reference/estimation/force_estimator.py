@@ -904,7 +904,9 @@ class ForceEstimator:
         early = block.leaked_time < EARLY and not any_true(block.touched)
         if surprising and zeros and self._uniform.observable and early:
             direction = np.eye(COUNT)[Shared.EARLIER]
-            direction[Shared.ZERO] = -0.5 * block.leaked_time  # half of what was missed has counted as an error of the zero
+            direction[Shared.ZERO] = (
+                -0.5 * block.leaked_time
+            )  # half of what was missed has counted as an error of the zero
             f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
@@ -1261,7 +1263,8 @@ class ForceEstimator:
     def _follow_hidden(self, block: Block, absorbed: Array) -> None:
         """Follow what the warmth of an object may hide of a touch that no contact lists yet.
 
-        What the taxel reads, what zeros have absorbed of it and what is hidden cause that warmth together. What a tap leaves of its force is no touch: warmth hides none of it within a block.
+        What the taxel reads, what zeros have absorbed of it and what is hidden cause that warmth together. What a tap
+        leaves of its force is no touch: warmth hides none of it within a block.
         """
         mean = np.maximum(self._mean, 0.0)
         fallen = self._felt - mean

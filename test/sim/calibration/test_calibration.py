@@ -116,9 +116,12 @@ def test_a_saved_calibration_survives_a_round_trip(found: Calibration, tmp_path:
     path = tmp_path / "cal.yaml"
     gain = found.gain.copy()
     gain[3] = np.nan
-    save_calibration(path, SENSOR, replace(found, gain=gain))
+    cover = {"cover_spreads": 1e-3 * np.arange(1.0, 7.0), "cover_shares": np.array([0.5, 0.2, 0.0, 0.1, 0.0, 0.2])}
+    save_calibration(path, SENSOR, replace(found, gain=gain, **cover))
     again = load_calibration(path, SENSOR)
     assert again.date == DATE
+    for name, values in cover.items():
+        np.testing.assert_allclose(getattr(again, name), values, rtol=1e-5)
     np.testing.assert_allclose(again.gain, gain, rtol=1e-5, atol=0)
     np.testing.assert_allclose(again.offset, found.offset, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(again.leak_time_constant, found.leak_time_constant, rtol=1e-5, atol=0)

@@ -107,6 +107,11 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "sizes_mN_per_N": _rounded(calibration.bending * 1e3),
             "deviations_mN_per_N": _rounded(calibration.bending_deviation * 1e3),
         }
+    if len(calibration.cover_shares):
+        document["cover"] = {
+            "spreads_mm": _rounded(calibration.cover_spreads * 1e3),
+            "shares_percent": _rounded(calibration.cover_shares * 100),
+        }
     if len(calibration.chip_warming):
         document["chip_warming"] = {
             "time_constants_s": _rounded(calibration.chip_warming_time_constants),
@@ -270,6 +275,14 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
         )
         bending.end()
+    if "cover" in top:
+        cover = top.section("cover")
+        calibration = replace(
+            calibration,
+            cover_spreads=np.array(cover.numbers("spreads_mm", 6, 0.0, 1000.0)) * 1e-3,
+            cover_shares=np.array(cover.numbers("shares_percent", 6, 0.0, 100.0)) / 100,
+        )
+        cover.end()
     if "chip_warming" in top:
         warming = top.section("chip_warming")
         calibration = replace(

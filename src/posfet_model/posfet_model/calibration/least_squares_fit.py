@@ -16,7 +16,10 @@
    sensors (`temperature_fit`): lag of either sign, pyroelectric gains.
 4. *Long hold.* The common-mode signal and bending are subtracted, and the sizes of slow poles (dielectric relaxation,
    viscoelastic creep) and the temperature rise of touched taxels are fitted jointly with the taxels' gain and leakage.
-5. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
+5. *Cover.* A force on the surface spreads over the taxels by a mixture of Gaussians. Their shares are fitted jointly
+   with all of the last step: presses on all taxels determine the forces on each by all the others. A cover that spreads
+   as the sensor file says is left as it is.
+6. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
 
 The film's hysteresis leaves residual charge when a force has gone, which a fit without it would attribute to leakage,
 drift, slow poles or temperature. So the distances F - P of the force from play operators P of several half widths r
@@ -30,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -98,6 +101,9 @@ loops of other half widths than these three leave that much, as measured on film
 POLES: Final = (0.1, 1.0, 10.0)
 """Time constants of the relaxation poles [s]: a spread of time constants over three decades is one pole per decade."""
 
+SLOW_SOURCES: Final = len(POLES) + 1
+"""Number of the common sources that come in slowly: relaxation, and the temperature rise of a touched taxel."""
+
 LONG_HOLD: Final = 20.0
 """A force on a taxel for at least this long is a long hold [s]: twice the slowest pole."""
 
@@ -115,6 +121,28 @@ LEAD: Final = 0.3
 
 ROUNDS: Final = 2
 """Rounds of steps 2 to 4: the first knows no slow poles, which leave charge on taxels that are no longer touched."""
+
+SIZE_PRIOR: Final = 0.1
+"""Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
+
+WARMTH_PRIOR: Final = 0.3
+"""Prior standard deviation of the temperature rise of a touched taxel [K], assumed: that of a thin chip."""
+
+COVER_SPREADS: Final = (0.5, 0.75, 1.25, 1.6, 2.4)
+"""Spreads of covers, relative to that of the sensor file [1]: the cover of a board is a mixture of these with it."""
+
+COVER_PRIOR: Final = 0.5
+"""Prior standard deviation of the share that each of these has [1], assumed."""
+
+COVER_ROUNDS: Final = 4
+"""Rounds in which cover and bending are found."""
+
+COVER_LEAVES: Final = 0.75
+"""A cover is taken if it leaves no more than this share of the squares that crosstalk under the sensor file's cover
+leaves [1], assumed: layer and half space leave up to 0.13, and crosstalk that a cover explains 1.7 or more."""
+
+LEAST_SHARE: Final = 0.03
+"""A cover with less is left out [1]: as much is found where there is none, with all effects of a real film."""
 
 MIN_UNTOUCHED: Final = 3
 """Fewest untouched taxels from which the common-mode signal is known."""
@@ -153,6 +181,9 @@ class Recording:
     """Mean of the chip's temperature sensors [degC], shape [scans]."""
     force: Array
     """Force on each taxel [N], shape [scans, rows * cols]."""
+    covers: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    """The same under covers that spread by `COVER_SPREADS`, shape [covers, scans, rows * cols]; no covers: the force
+    on each taxel is known."""
 
 
 def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
@@ -205,6 +236,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
         found = data.fit_all(found, shares, dead, with_crosstalk=not last)
         if not last:
             data.compensate(data.crosstalk + _crosstalk(found))
+            found = data.find_cover(found, shares, dead)
     data.find_common_mode(found, dead)
     if thermal is not None:
         check_temperature(thermal, data.block_temperature)
@@ -239,21 +271,15 @@ class _Data:
         )
         self._raw, self.crosstalk = self.signal, 0.0
         self._neighbours = [list(each) for each in neighbour_lists(sensor.layout, EDGE_NEIGHBOURS)]
-        self.loops = _hysteresis_sources(sensor, self.force)
         self.size = block_size(self.time)
         tau = sensor.device.leak_time_constant
+        self.film_lag = sensor.device.thermal_time_constant
         self.hold = _long_hold(self.time, self.force)
-        touched = self.force > NO_FORCE
-        self.near_force = np.stack(
-            [_dilated(self.time, touched[:, taxel], LEAD, TAIL * tau) for taxel in range(self.taxels)], axis=1
-        )
-        if self.hold is not None:
-            held = touched[(self.time >= self.hold[0]) & (self.time <= self.hold[1])].any(axis=0)
-            self.near_force |= self._during_hold(self.time)[:, None] & held
+        self._parts = np.stack([self.force, *(block_means(each, self.thinning) for each in recording.covers)])
+        self._follow_force()
         self.noise = self._noise()
         self.common = np.zeros(len(self.time))
         """Common-mode signal of the untouched taxels, leakage compensated [N], shape [scans]."""
-        self.film_lag = sensor.device.thermal_time_constant
         self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
         """Time constant of the temperature rise of touched taxels [s]."""
         self.warmth_force = NOMINAL_WARMTH_FORCE
@@ -269,7 +295,63 @@ class _Data:
         """Median time constant of the leakage [s], of the last fit."""
         self.bending = np.zeros(4)
         """Bending of the chip [1], of the last fit."""
-        self._bending_sources = BendingSources(sensor.layout, self.time, self.force, self.film_lag)
+        self.cover = np.eye(len(self._parts))[0]
+        """Shares of the sensor file's cover and of those of `COVER_SPREADS` in that of the board [1]."""
+
+    def _follow_force(self) -> None:
+        """Find what follows from the forces on the taxels."""
+        self.loops = _hysteresis_sources(self.sensor, self.force)
+        touched, tail = self.force > NO_FORCE, TAIL * self.sensor.device.leak_time_constant
+        self.near_force = np.stack(
+            [_dilated(self.time, touched[:, taxel], LEAD, tail) for taxel in range(self.taxels)], axis=1
+        )
+        if self.hold is not None:
+            held = touched[(self.time >= self.hold[0]) & (self.time <= self.hold[1])].any(axis=0)
+            self.near_force |= self._during_hold(self.time)[:, None] & held
+        self._bending_sources = BendingSources(self.sensor.layout, self.time, self.force, self.film_lag)
+
+    def find_cover(self, found: ResponseFit, shares: _Shares, dead: Mask) -> ResponseFit:
+        """Find how the cover spreads the forces, jointly with what a fit without it has found; return the last fit.
+
+        Crosstalk and a cover that spreads more than the sensor file says look alike: only one of them is taken, the
+        cover if it leaves clearly less. Bending looks like the tail of a cover, so each follows the other. What has
+        hardly a share is left out.
+        """
+        if self.hold is None or len(self.cover) == 1:
+            return found
+        without, crosstalk = self.fit_all(found, shares, dead), self.crosstalk
+        self.compensate(0.0)
+        kept = weak = list(range(len(self.cover)))
+        while weak and len(kept) > 1:
+            for _ in range(COVER_ROUNDS):
+                most = int(np.argmax(self.cover))
+                others = [index for index in kept if index != most]
+                fitted = self.fit_all(found, shares, dead, covers=(most, *others))
+                found, change = fitted.without_common(SLOW_SOURCES), fitted.common[SLOW_SOURCES:]
+                cover = self.cover.copy()
+                cover[others] += change
+                cover[most] -= change.sum()
+                self._spread(cover)
+                self.find_bending(found, dead)
+                self.find_common_mode(found, dead)
+                if np.abs(change).max() < 0.1 * LEAST_SHARE:
+                    break
+            weak = [index for index in kept if self.cover[index] < LEAST_SHARE]
+            kept = [index for index in kept if index not in weak]
+            self._spread(np.where(self.cover < LEAST_SHARE, 0.0, self.cover))
+        found = self.fit_all(found, shares, dead)
+        equal = dict.fromkeys(found.taxels, 1.0)
+        if found.square_sum(equal) < COVER_LEAVES * without.square_sum(equal):
+            return found
+        self._spread(np.eye(len(self.cover))[0])
+        self.compensate(crosstalk)
+        return without
+
+    def _spread(self, cover: Array) -> None:
+        """Spread the forces as a cover does in which the parts have these shares, up to a factor."""
+        self.cover = np.maximum(cover, 0.0) / np.maximum(cover, 0.0).sum()
+        self.force = np.einsum("i,ijk->jk", self.cover, self._parts)
+        self._follow_force()
 
     def _during_hold(self, time: Array) -> Mask:
         """Return which times [s] are in the long hold or in its tail."""
@@ -531,8 +613,19 @@ class _Data:
             least = near[int(np.argmin(unlikely))]
         return least_of_parabola([values[index] for index in near], unlikely)
 
-    def fit_all(self, before: ResponseFit, shares: _Shares, dead: Mask, with_crosstalk: bool) -> ResponseFit:
-        """Fit presses and long hold jointly, common mode and bending subtracted; the neighbours' signals on demand."""
+    def fit_all(
+        self,
+        before: ResponseFit,
+        shares: _Shares,
+        dead: Mask,
+        with_crosstalk: bool = False,
+        covers: Sequence[int] = (),
+    ) -> ResponseFit:
+        """Fit presses and long hold jointly, common mode and bending subtracted.
+
+        On demand with the neighbours' signals, or with what the others of these covers would change in place of the
+        first one.
+        """
         near_signal = self.near_signal if with_crosstalk else None
         start = dict(before.taxels)
         segments: list[Segment] = []
@@ -540,6 +633,9 @@ class _Data:
             response = before.taxels[taxel]
             intervals = self._intervals(taxel, with_hold=True)
             common_sources = self._common_sources(taxel, shares.share[taxel] / response.gain)
+            if covers and common_sources is not None:
+                most, *others = (self._parts[index, :, taxel] for index in covers)
+                common_sources = np.column_stack([common_sources, *(each - most for each in others)])
             bending = self._charge_of_bending(taxel, response.gain)
             for begin, end in intervals:
                 time = self.time[begin:end]
@@ -555,7 +651,15 @@ class _Data:
             coefficients = np.append(response.coefficients[:SOURCES], np.zeros(1 if with_crosstalk else 0))
             start[taxel] = TaxelResponse(response.rate, coefficients, zeros, zeros)
         self.segments = segments
-        return fit_responses(segments, self.noise, start, 1.0 / self.sensor.device.leak_time_constant)
+        prior = np.array([*(SIZE_PRIOR,) * len(POLES), WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
+        return fit_responses(
+            segments,
+            self.noise,
+            start,
+            1.0 / self.sensor.device.leak_time_constant,
+            prior if self.hold is not None else None,
+            np.append(np.full(SLOW_SOURCES, -np.inf), -self.cover[list(covers[1:])]) if covers else None,
+        )
 
     def _common_sources(self, taxel: int, share: float) -> Array | None:
         """Return the sources of relaxation and of the temperature rise of a touched taxel, None without a long hold."""
@@ -596,12 +700,14 @@ def _calibration(
     weights = np.median([each.coefficients[1:] / each.gain for each in found.taxels.values()], axis=0)
     atypical = _loop_slopes(TYPICAL_FORCE / ATYPICAL) - _loop_slopes(TYPICAL_FORCE * ATYPICAL)
     doubt = HYSTERESIS_DOUBT * np.abs(weights).sum()
-    deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)), doubt)
+    deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)[:poles]), doubt)
     warmth, warmth_deviation = 0.0, NOMINAL_WARMTH_DEVIATION
-    deviation = math.sqrt(float(found.common_covariance[poles:, poles:].sum()))
-    if poles and deviation < MAX_WARMTH_DEVIATION:
-        warmth = float(found.common[poles:].sum())
+    deviation = math.sqrt(float(found.common_covariance[poles, poles])) if poles else math.inf
+    if deviation < MAX_WARMTH_DEVIATION:
+        warmth = float(found.common[poles])
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
+    has_cover = poles and len(data.cover) > 1
+    spreads = np.array((1.0, *COVER_SPREADS) if has_cover else ()) * sensor.device.contact_spread
     film_lag, sensor_lag = data.film_lag, 0.0
     leak: dict[str, float] = {}
     if thermal is not None:
@@ -624,7 +730,7 @@ def _calibration(
         residuals=_residuals(sensor, data, found, shares, dead),
         relaxation_time_constants=np.array(POLES[:poles]),
         relaxation_sizes=found.common[:poles],
-        relaxation_deviations=deviations[:poles],
+        relaxation_deviations=deviations,
         hysteresis_half_widths=np.array(PLAY_HALF_WIDTHS) * sensor.device.force_max,
         hysteresis_weights=weights,
         hysteresis_slope=float(weights @ _loop_slopes(TYPICAL_FORCE)),
@@ -634,6 +740,8 @@ def _calibration(
         warmth_force=data.warmth_force,
         bending=bending.sizes,
         bending_deviation=bending.deviations,
+        cover_spreads=spreads,
+        cover_shares=data.cover[: len(spreads)],
         chip_warming_time_constants=np.array(SLOW),
         chip_warming=bending.warming,
         temperature_sensor_lag=sensor_lag,

@@ -48,12 +48,6 @@ WARMTH_FORCES: Final = (0.0035, 0.0053, 0.008, 0.012, 0.018, 0.027, 0.04, 0.06, 
 WARMTH_FORCE_SPREAD: Final = 1.0
 """Standard deviation of the logarithm of that force about the nominal one [1], assumed."""
 
-SIZE_DEVIATION: Final = 0.1
-"""Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
-
-WARMTH_PRIOR: Final = 0.3
-"""Prior standard deviation of the temperature rise of a touched taxel [K], assumed: that of a thin chip."""
-
 ITERATIONS: Final = 4
 """Iterations of the fit; the first finds gain and offset with the given leakage."""
 
@@ -115,6 +109,16 @@ class ResponseFit:
     common_covariance: Array
     """Covariance of `common`."""
 
+    def without_common(self, count: int) -> ResponseFit:
+        """Return the fit with the first common parameters only.
+
+        Parameters
+        ----------
+        count : int
+            How many of them.
+        """
+        return ResponseFit(self.taxels, self.common[:count], self.common_covariance[:count, :count])
+
     def variances(self, noise: Array) -> dict[int, float]:
         """Return the variance of a block of each taxel [N2]: of noise, or of what is left, correlation included."""
         return {
@@ -131,7 +135,12 @@ class ResponseFit:
 
 
 def fit_responses(
-    segments: Sequence[Segment], noise: Array, start: dict[int, TaxelResponse], nominal_rate: float
+    segments: Sequence[Segment],
+    noise: Array,
+    start: dict[int, TaxelResponse],
+    nominal_rate: float,
+    prior: Array | None = None,
+    least: Array | None = None,
 ) -> ResponseFit:
     """Fit all segments jointly.
 
@@ -145,6 +154,10 @@ def fit_responses(
         Where the fit starts, for every taxel with a segment.
     nominal_rate : float
         Nominal leakage rate [1/s].
+    prior : ndarray, optional
+        Prior standard deviations of the common parameters, shape [common]; None: there are none.
+    least : ndarray, optional
+        Least values of the common parameters, shape [common]; None: any values.
 
     Returns
     -------
@@ -154,26 +167,39 @@ def fit_responses(
     of_taxel: dict[int, list[Segment]] = {}
     for segment in segments:
         of_taxel.setdefault(segment.taxel, []).append(segment)
-    poles = segments[0].common_sources.shape[1]
-    prior = np.full(poles, SIZE_DEVIATION)
-    prior[-1:] = WARMTH_PRIOR
-    common, covariance = np.zeros(poles), np.diag(prior**2)
+    prior = np.zeros(0) if prior is None else prior
+    common: Array = np.zeros(len(prior))
+    covariance = np.diag(prior**2)
     responses = dict(start)
     limits = RATE_RANGE[0] * nominal_rate, RATE_RANGE[1] * nominal_rate
     for iteration in range(ITERATIONS):
         systems = {taxel: _System(parts, responses[taxel], iteration > 0, common) for taxel, parts in of_taxel.items()}
-        if poles:
-            information, moment = np.diag(prior**-2.0), np.zeros(poles)
+        if len(prior):
+            information, moment = np.diag(prior**-2.0), np.zeros(len(prior))
             for taxel, system in systems.items():
                 variance = system.variance(noise[taxel])
                 information += system.common_information / variance
                 moment += system.common_moment / variance
-            covariance = np.linalg.inv(information)
-            common = covariance @ moment
+            covariance = np.asarray(np.linalg.inv(information), np.float64)
+            common = _bounded(information, moment, least) if least is not None else covariance @ moment
         responses = {taxel: system.response(common, limits) for taxel, system in systems.items()}
     for taxel, system in systems.items():
         system.complete(responses[taxel], common, covariance)
     return ResponseFit(responses, common, covariance)
+
+
+def _bounded(information: Array, moment: Array, least: Array) -> Array:
+    """Return the parameters of a quadratic form; those that turn out too small are set to their least values."""
+    found: Array = least.copy()
+    free = np.ones(len(least), np.bool_)
+    while free.any():
+        rest = moment[free] - information[np.ix_(free, ~free)] @ least[~free]
+        found[free] = np.linalg.solve(information[np.ix_(free, free)], rest)
+        if (found >= least).all():
+            break
+        free[np.argmin(found - least)] = False
+        found[~free] = least[~free]
+    return found
 
 
 class _System:

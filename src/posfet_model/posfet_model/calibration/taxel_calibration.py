@@ -147,6 +147,11 @@ class Calibration:
     the chip bends around the place that is pressed [1], shape [4]; empty: not in the file."""
     bending_deviation: Array = field(default_factory=_none)
     """Standard deviations of `bending` [1], as wide as without a calibration where the recording does not show it."""
+    cover_spreads: Array = field(default_factory=_none)
+    """Standard deviations of the Gaussians as whose mixture the cover spreads a load [m], shape [parts], the first one
+    that of the sensor file; empty: not in the file."""
+    cover_shares: Array = field(default_factory=_none)
+    """Share that each has in the cover [1], shape [parts]."""
     chip_warming_time_constants: Array = field(default_factory=_none)
     """Time constants with which an object warms the chip [s], shape [poles]; empty: not in the file."""
     chip_warming: Array = field(default_factory=_none)

@@ -140,6 +140,9 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     loops = zip(calibration.hysteresis_half_widths, calibration.hysteresis_weights, strict=True)
     sizes = [f"{100 * weight:.2f} % of {1e3 * width:.0f} mN" for width, weight in loops]
     numbers.append(("play operators of the hysteresis", ", ".join(sizes) or "not in the file"))
+    cover = zip(calibration.cover_spreads, calibration.cover_shares, strict=True)
+    sizes = [f"{100 * share:.0f} % of {1e3 * spread:.2f} mm" for spread, share in cover if share]
+    numbers.append(("spread of the cover", ", ".join(sizes) or "as the sensor file says"))
     warmth = f"{1e3 * calibration.warmth:.0f} +- {1e3 * calibration.warmth_deviation:.0f} mK"
     if not calibration.warmth_observed:
         warmth = "not observable: it needs a long hold, and a light touch beside strong ones"
