@@ -147,7 +147,7 @@ def calibrate(board: Board, cover: CoverName, exact: bool = False, crosstalk: fl
     reference = Reference(*readings(sensor, board.seed))
     combined, _ = combine(sensor, scans, reference, Sphere(BALL_RADIUS, BALL_MODULUS))
     if exact:
-        combined = replace(combined, force=load.force[recording.index], covers=np.zeros((0, 0, 0)))
+        combined = replace(combined, force=load.force[recording.index], force_under=None)
     return fit(sensor, combined, "2026-01-01")
 
 

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -181,9 +181,9 @@ class Recording:
     """Mean of the chip's temperature sensors [degC], shape [scans]."""
     force: Array
     """Force on each taxel [N], shape [scans, rows * cols]."""
-    covers: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
-    """The same under covers that spread by `COVER_SPREADS`, shape [covers, scans, rows * cols]; no covers: the force
-    on each taxel is known."""
+    force_under: Callable[[float, Array], Array] | None = None
+    """Force on each taxel [N] under a cover that spreads so many times as far as that of the sensor file, at times [s],
+    shape [times, rows * cols]; None: the force on each taxel is known whatever the cover."""
 
 
 def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
@@ -275,7 +275,11 @@ class _Data:
         tau = sensor.device.leak_time_constant
         self.film_lag = sensor.device.thermal_time_constant
         self.hold = _long_hold(self.time, self.force)
-        self._parts = np.stack([self.force, *(block_means(each, self.thinning) for each in recording.covers)])
+        parts = [self.force]
+        if recording.force_under is not None and self.hold is not None:
+            at = self.time + recording.time[0]
+            parts += [recording.force_under(ratio, at) for ratio in COVER_SPREADS]
+        self._parts = np.stack(parts, dtype=np.float32, casting="same_kind")  # six times the forces
         self._follow_force()
         self.noise = self._noise()
         self.common = np.zeros(len(self.time))
@@ -317,7 +321,7 @@ class _Data:
         cover if it leaves clearly less. Bending looks like the tail of a cover, so each follows the other. What has
         hardly a share is left out.
         """
-        if self.hold is None or len(self.cover) == 1:
+        if len(self.cover) == 1:
             return found
         without, crosstalk = self.fit_all(found, shares, dead), self.crosstalk
         self.compensate(0.0)
@@ -706,8 +710,7 @@ def _calibration(
     if deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles])
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
-    has_cover = poles and len(data.cover) > 1
-    spreads = np.array((1.0, *COVER_SPREADS) if has_cover else ()) * sensor.device.contact_spread
+    spreads = np.array((1.0, *COVER_SPREADS) if len(data.cover) > 1 else ()) * sensor.device.contact_spread
     film_lag, sensor_lag = data.film_lag, 0.0
     leak: dict[str, float] = {}
     if thermal is not None:

@@ -34,7 +34,7 @@ from posfet_driver.protocol.decoder import Decoder
 from posfet_model._lib.minima import golden_section
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
-from posfet_model.calibration.least_squares_fit import COVER_SPREADS, Recording
+from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.config import ConfigError, read_text
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -70,9 +70,6 @@ LEAK_STEPS: Final = 16
 
 MIN_CORRELATION: Final = 0.5
 """Minimum correlation of the rates in the two files [1]."""
-
-COVER_THINNING: Final = 4
-"""One scan in so many is computed under other covers [1]: the fit averages over as many."""
 
 BATCH: Final = 256
 """Number of scans whose forces are computed at once."""
@@ -282,9 +279,12 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
     late = _delay(sensor, scans, reference)
     aligned = reference.shifted(-late - begin)
     time = scans.time - begin
-    force = _forces(sensor, time, aligned, ball)
-    covers = [_forces_under(sensor, ratio, time, aligned, ball) for ratio in COVER_SPREADS]
-    return Recording(time, scans.counts, scans.temperature, force, np.stack(covers)), late
+
+    def force_under(ratio: float, at: Array) -> Array:
+        spread = ratio * sensor.device.contact_spread
+        return _forces(replace(sensor, device=replace(sensor.device, contact_spread=spread)), at, aligned, ball)
+
+    return Recording(time, scans.counts, scans.temperature, force_under(1.0, time), force_under), late
 
 
 def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
@@ -363,14 +363,6 @@ class _Correlation:
         bend = before - 2.0 * here + after
         fine = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
         return (here + 0.25 * (after - before) * fine) / norm, self._step * (at - self._lags - 1 + fine)
-
-
-def _forces_under(sensor: Sensor, ratio: float, time: Array, reference: Reference, ball: Sphere) -> Array:
-    """Return the force on each taxel under a cover of another spread [N], from some of the scans."""
-    covered = replace(sensor, device=replace(sensor.device, contact_spread=ratio * sensor.device.contact_spread))
-    some = np.unique(np.append(np.arange(0, len(time), COVER_THINNING), len(time) - 1))
-    forces = _forces(covered, time[some], reference, ball)
-    return np.stack([np.interp(time, time[some], of_taxel) for of_taxel in forces.T], axis=1)
 
 
 def _forces(sensor: Sensor, time: Array, reference: Reference, ball: Sphere) -> Array:
