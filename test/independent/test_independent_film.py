@@ -173,7 +173,7 @@ def test_what_warmth_hides_of_a_light_touch_warms_as_well() -> None:
     assert verdict.misleading == 0.0
 
 
-@pytest.mark.parametrize("cover", ["layer", "half_space"])
+@pytest.mark.parametrize("cover", ["layer", pytest.param("half_space", marks=pytest.mark.slow)])
 def test_a_cover_that_is_no_gaussian_is_found_by_the_presses(cover: CoverName) -> None:
     # Spread as a Gaussian of the sensor file, the forces on the taxels gave gains that were wrong by 4 and 7 %.
     board, calibration = calibrated("none", BOARD, cover)

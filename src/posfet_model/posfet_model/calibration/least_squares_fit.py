@@ -343,10 +343,10 @@ class _Data:
             weak = [index for index in kept if self.cover[index] < LEAST_SHARE]
             kept = [index for index in kept if index not in weak]
             self._spread(np.where(self.cover < LEAST_SHARE, 0.0, self.cover))
-        found = self.fit_all(found, shares, dead)
-        equal = dict.fromkeys(found.taxels, 1.0)
-        if found.square_sum(equal) < COVER_LEAVES * without.square_sum(equal):
-            return found
+        if kept != [0]:
+            found, equal = self.fit_all(found, shares, dead), dict.fromkeys(without.taxels, 1.0)
+            if found.square_sum(equal) < COVER_LEAVES * without.square_sum(equal):
+                return found
         self._spread(np.eye(len(self.cover))[0])
         self.compensate(crosstalk)
         return without
