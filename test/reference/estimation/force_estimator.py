@@ -904,9 +904,8 @@ class ForceEstimator:
         early = block.leaked_time < EARLY and not any_true(block.touched)
         if surprising and zeros and self._uniform.observable and early:
             direction = np.eye(COUNT)[Shared.EARLIER]
-            direction[Shared.ZERO] = (
-                -0.5 * block.leaked_time
-            )  # half of what was missed has counted as an error of the zero
+            # Half of what was missed until now has counted as an error of the zero.
+            direction[Shared.ZERO] = -0.5 * block.leaked_time
             f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total

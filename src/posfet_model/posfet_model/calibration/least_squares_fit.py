@@ -342,7 +342,8 @@ class _Data:
                     break
             weak = [index for index in kept if self.cover[index] < LEAST_SHARE]
             kept = [index for index in kept if index not in weak]
-            self._spread(np.where(self.cover < LEAST_SHARE, 0.0, self.cover))
+            if weak:
+                self._spread(np.where(self.cover < LEAST_SHARE, 0.0, self.cover))
         if kept != [0]:
             found, equal = self.fit_all(found, shares, dead), dict.fromkeys(without.taxels, 1.0)
             if found.square_sum(equal) < COVER_LEAVES * without.square_sum(equal):
@@ -577,13 +578,13 @@ class _Data:
         """Find time constant and saturation of the temperature rise of touched taxels, from the nominal ones."""
         if self.hold is None:
             return
-        nominal = self.fit_all(before, shares, dead, with_crosstalk=False)
+        nominal = self.fit_all(before, shares, dead)
         if abs(float(nominal.common[len(POLES)])) < WARMTH_DOUBT[0]:
             return  # no more than the taxels may differ by: what fits best is that of something else
 
         def fit_with(time: float, force: float) -> ResponseFit:
             self.warmth_time, self.warmth_force = time, force
-            return self.fit_all(before, shares, dead, with_crosstalk=False)
+            return self.fit_all(before, shares, dead)
 
         force = self._likeliest(
             WARMTH_FORCES,
