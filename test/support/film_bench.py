@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
-from posfet_model.calibration.least_squares_fit import Recording
+from posfet_model.calibration.bench_signals import Recording
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration.simulated_bench import pressing_scene

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 import yaml
 
+from posfet_model.calibration.bench_signals import Recording
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
-from posfet_model.calibration.least_squares_fit import Recording, fit
+from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
     CALIBRATED_LEAK_DEVIATION,

@@ -17,7 +17,7 @@ import pytest
 
 pytest.importorskip("mcap", reason="recordings need the package mcap")
 
-from posfet_model.calibration.least_squares_fit import MIN_FORCE
+from posfet_model.calibration.bench_signals import MIN_FORCE
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan

@@ -69,6 +69,28 @@ def low_pass(time: Array, source: Array, time_constant: float) -> Array:
     return slow
 
 
+def compensated(time: Array, signal: Array, time_constant: float) -> Array:
+    """Return a signal with the leakage compensated since the first scan.
+
+    Parameters
+    ----------
+    time : ndarray
+        [s], ascending, shape [scans].
+    signal : ndarray
+        Any unit, shape [scans].
+    time_constant : float
+        Time constant tau of the leakage [s].
+
+    Returns
+    -------
+    ndarray
+        In the unit and shape of the signal.
+    """
+    lost = 0.5 * (signal[1:] + signal[:-1]) * np.diff(time) / time_constant
+    whole: Array = signal + np.concatenate([[0.0], np.cumsum(lost)])
+    return whole
+
+
 def _recurrence(ratio: Array, change: Array) -> Array:
     columns = change.shape[1:]
     passed = change.reshape(len(ratio), math.prod(columns)) * (-np.expm1(-ratio) / np.maximum(ratio, 1e-300))[:, None]

@@ -34,7 +34,7 @@ from posfet_driver.protocol.decoder import Decoder
 from posfet_model._lib.minima import golden_section
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
-from posfet_model.calibration.least_squares_fit import Recording
+from posfet_model.calibration.bench_signals import Recording
 from posfet_model.config import ConfigError, read_text
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus

@@ -16,7 +16,8 @@ import numpy as np
 
 from posfet_model._lib.types import Array
 from posfet_model._lib.units import NANOSECONDS
-from posfet_model.calibration.least_squares_fit import MIN_FORCE, MIN_TEMPERATURE_RANGE
+from posfet_model.calibration.bench_signals import MIN_FORCE
+from posfet_model.calibration.fit_steps import MIN_TEMPERATURE_RANGE
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan

@@ -14,7 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model.calibration.least_squares_fit import Recording, fit
+from posfet_model.calibration.bench_signals import Recording
+from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.sensor.description import Sensor
 from posfet_sim.calibration.bench_recording import interpolated_temperature

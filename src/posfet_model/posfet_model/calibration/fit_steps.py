@@ -1,0 +1,404 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Steps of a calibration fit, and what they have found so far: each explains one cause of the signals.
+
+All of them read the signals and forces of `BenchSignals`. What one step finds the others subtract.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.bench_signals import NO_FORCE, SOURCES, BenchSignals, runs
+from posfet_model.calibration.bending_fit import BendingFit, UntouchedTaxel, fit_bending
+from posfet_model.calibration.leaky_response import block_means, compensated, high_pass, low_pass
+from posfet_model.calibration.response_fit import (
+    WARMTH_FORCE_SPREAD,
+    WARMTH_FORCES,
+    WARMTH_TIME_CONSTANTS,
+    WARMTH_TIME_SPREAD,
+    ResponseFit,
+    Segment,
+    TaxelResponse,
+    fit_responses,
+    least_of_parabola,
+)
+from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_FORCE, NOMINAL_WARMTH_TIME_CONSTANT
+from posfet_model.calibration.temperature_fit import TemperatureFit, fit_temperature
+from posfet_model.sensor.signal_chain import charge_per_newton
+
+MIN_TEMPERATURE_RANGE: Final = 0.5
+"""The temperature has to vary by at least this much for the pyroelectric gain to be fitted [K]."""
+
+POLES: Final = (0.1, 1.0, 10.0)
+"""Time constants of the relaxation poles [s]: a spread of time constants over three decades is one pole per decade."""
+
+SLOW_SOURCES: Final = len(POLES) + 1
+"""Number of the common sources that come in slowly: relaxation, and the temperature rise of a touched taxel."""
+
+SIZE_PRIOR: Final = 0.1
+"""Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
+
+WARMTH_PRIOR: Final = 0.3
+"""Prior standard deviation of the temperature rise of a touched taxel [K], assumed: that of a thin chip."""
+
+COVER_PRIOR: Final = 0.5
+"""Prior standard deviation of the share that each of these has [1], assumed."""
+
+MIN_UNTOUCHED: Final = 3
+"""Fewest untouched taxels from which the common-mode signal is known."""
+
+WARMTH_DOUBT: Final = (3e-3, 0.25)
+"""Standard deviation of the temperature rise from touch to touch: absolute [K], and relative to it [1]; assumed."""
+
+
+class FitSteps:
+    """The steps after the fit of the presses alone.
+
+    Parameters
+    ----------
+    bench : BenchSignals
+        Signals and forces.
+    presses : ResponseFit
+        Fit of the presses alone.
+    dead : ndarray of bool
+        Taxels that measure nothing, shape [taxels].
+
+    Attributes
+    ----------
+    bench : BenchSignals
+        Signals and forces.
+    dead : ndarray of bool
+        Taxels that measure nothing, shape [taxels].
+    segments : list of Segment
+        Segments of the last fit.
+    common : ndarray
+        Common-mode signal of the untouched taxels, leakage compensated [N], shape [scans].
+    shares : ndarray
+        Signal of each taxel per common-mode signal [1], shape [taxels].
+    offsets : ndarray
+        Offset of each taxel [N], shape [taxels].
+    time_constant : float
+        Median time constant of the leakage [s].
+    bending : ndarray
+        Bending of the chip [1], shape [4].
+    newton_per_kelvin : float
+        Pyroelectric signal [N/K].
+    warmth_time : float
+        Time constant of the temperature rise of touched taxels [s].
+    warmth_force : float
+        Force at which they have 1 - 1/e of it [N].
+    """
+
+    def __init__(self, bench: BenchSignals, presses: ResponseFit, dead: Mask) -> None:
+        self.bench, self.dead = bench, dead
+        self.segments: list[Segment] = []
+        self.common = np.zeros(len(bench.time))
+        self.shares = np.ones(bench.taxels)
+        self.offsets = np.array([np.median(presses.taxels[taxel].offsets) for taxel in range(bench.taxels)])
+        self.time_constant = bench.sensor.device.leak_time_constant
+        self.bending = np.zeros(4)
+        self.newton_per_kelvin = bench.sensor.device.pyroelectric_coefficient / charge_per_newton(bench.sensor)
+        self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
+        self.warmth_force = NOMINAL_WARMTH_FORCE
+
+    @property
+    def alive(self) -> list[int]:
+        """Numbers of the taxels that are not dead."""
+        return [int(taxel) for taxel in np.flatnonzero(~self.dead)]
+
+    def find_bending(self, fitted: ResponseFit) -> BendingFit:
+        """Find the bending of the chip from what untouched taxels show.
+
+        Parameters
+        ----------
+        fitted : ResponseFit
+            The fit so far.
+
+        Returns
+        -------
+        BendingFit
+            Sizes and standard deviations.
+        """
+        bench = self.bench
+        untouched = bench.untouched
+        pressed = block_means(bench.force.sum(axis=1), bench.size) > NO_FORCE
+        taxels = []
+        for taxel in self.alive:
+            found = fitted.taxels[taxel]
+            charge = compensated(bench.time, bench.signal[:, taxel] - self.offsets[taxel], 1.0 / found.rate)
+            charge = (charge - self._slow_charge(taxel, found.gain, fitted)) / found.gain - bench.force[:, taxel]
+            near = bench.force[:, bench.neighbours[taxel]].sum(axis=1)
+            per_kelvin = self.newton_per_kelvin * self.shares[taxel] / found.gain
+            taxels.append(
+                UntouchedTaxel(
+                    charge=block_means(charge, bench.size),
+                    sources=block_means(bench.bending_sources.of_all(taxel, per_kelvin, near), bench.size),
+                    used=untouched[:, taxel] & pressed,
+                    noise=bench.noise[taxel] / found.gain,
+                )
+            )
+        bending = fit_bending(taxels)
+        self.bending = bending.sizes
+        return bending
+
+    def find_common_mode(self, fitted: ResponseFit) -> None:
+        """Find what the untouched taxels have in common, as the mean of their changes with leakage compensated.
+
+        Bending, weak forces, and what an earlier touch still brings in by the slow poles, are subtracted.
+
+        Parameters
+        ----------
+        fitted : ResponseFit
+            The fit so far.
+        """
+        bench = self.bench
+        self.time_constant = float(np.median([1.0 / each.rate for each in fitted.taxels.values()]))
+        usable = ~bench.near_force & ~self.dead
+        enough = usable.sum(axis=1) >= MIN_UNTOUCHED
+        step = np.diff(bench.time)
+        changes, weights = np.zeros(len(step)), np.zeros(len(step))
+        for taxel in self.alive:
+            found = fitted.taxels[taxel]
+            signal = bench.signal[:, taxel] - self.offsets[taxel]
+            change = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * step * found.rate
+            change -= np.diff(self.charge(taxel, fitted))
+            used = (usable[1:, taxel] & usable[:-1, taxel]) * 1.0
+            changes += used * change
+            weights += used
+        changes = np.where(enough[1:], changes / np.maximum(weights, 1.0), 0.0)
+        self.common = np.concatenate([[0.0], np.cumsum(changes)])
+
+    def fit_temperature(self) -> TemperatureFit | None:
+        """Fit lag and pyroelectric gain, None if the temperature varies too little; the common mode loses its drift."""
+        bench = self.bench
+        time, common = block_means(bench.time, bench.size), block_means(self.common, bench.size)
+        used = ~bench.during_hold(time)
+        if np.ptp(bench.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
+            used[:] = True
+        if np.ptp(bench.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
+            return None
+        thermal = fit_temperature(
+            time[used],
+            bench.block_temperature[used],
+            common[used],
+            self._changing(used)[used],
+            bench.sensor.device.thermal_time_constant,
+            bench.pressed_temperature - float(bench.temperature[0]),
+            self.time_constant,
+        )
+        self.common = self.common - thermal.drift * bench.time
+        self.newton_per_kelvin = thermal.newton_per_kelvin
+        return thermal
+
+    def find_shares(self, fitted: ResponseFit) -> None:
+        """Find how strongly each taxel shows the common-mode signal while it is untouched, and its offset.
+
+        Parameters
+        ----------
+        fitted : ResponseFit
+            The fit so far.
+        """
+        bench = self.bench
+        share, offset = np.ones(bench.taxels), np.zeros(bench.taxels)
+        varies = np.ptp(bench.temperature) >= MIN_TEMPERATURE_RANGE
+        for taxel in self.alive:
+            found = fitted.taxels[taxel]
+            tau = 1.0 / found.rate
+            offset[taxel] = np.median(found.offsets)
+            parts = [part for part in runs(~bench.near_force[:, taxel]) if part[1] - part[0] >= 50 * bench.size]
+            rows, values = [], []
+            for index, (begin, end) in enumerate(parts):
+                time = bench.time[begin:end]
+                columns = np.zeros((end - begin, 2 + len(parts)))
+                columns[:, 0] = high_pass(time, self.common[begin:end], tau)
+                columns[:, 1] = 1.0
+                columns[:, 2 + index] = np.exp(-(time - time[0]) / tau)
+                rows.append(block_means(columns, bench.size))
+                known = high_pass(time, self.charge(taxel, fitted)[begin:end], tau)
+                values.append(block_means(bench.signal[begin:end, taxel] - known, bench.size))
+            if not rows:
+                continue
+            system, signal = np.concatenate(rows), np.concatenate(values)
+            if not varies:
+                signal, system = signal - system[:, 0], system[:, 1:]
+            solved = np.linalg.lstsq(system, signal, rcond=None)[0]
+            offset[taxel] = solved[1 if varies else 0]
+            if varies:
+                share[taxel] = solved[0]
+        self.shares, self.offsets = share, offset
+
+    def fit_warmth(self, before: ResponseFit) -> None:
+        """Find time constant and saturation of the temperature rise of touched taxels, from the nominal ones.
+
+        Parameters
+        ----------
+        before : ResponseFit
+            The fit so far.
+        """
+        if self.bench.hold is None:
+            return
+        nominal = self.fit_all(before)
+        if abs(float(nominal.common[len(POLES)])) < WARMTH_DOUBT[0]:
+            return  # no more than the taxels may differ by: what fits best is that of something else
+
+        def fit_with(time: float, force: float) -> ResponseFit:
+            self.warmth_time, self.warmth_force = time, force
+            return self.fit_all(before)
+
+        force = self._likeliest(
+            WARMTH_FORCES,
+            NOMINAL_WARMTH_FORCE,
+            WARMTH_FORCE_SPREAD,
+            lambda each: fit_with(NOMINAL_WARMTH_TIME_CONSTANT, each),
+        )
+        time = self._likeliest(
+            WARMTH_TIME_CONSTANTS,
+            NOMINAL_WARMTH_TIME_CONSTANT,
+            WARMTH_TIME_SPREAD,
+            lambda each: fit_with(each, force),
+        )
+        self.warmth_time, self.warmth_force = time, force
+
+    def fit_all(self, before: ResponseFit, with_crosstalk: bool = False, covers: Sequence[int] = ()) -> ResponseFit:
+        """Fit presses and long hold jointly, common mode and bending subtracted.
+
+        On demand with the neighbours' signals, or with what the others of these covers would change in place of the
+        first one.
+
+        Parameters
+        ----------
+        before : ResponseFit
+            The fit so far.
+        with_crosstalk : bool, default False
+            Whether the neighbours' signals are the last source.
+        covers : sequence of int, default ()
+            Numbers of covers; the common parameters after those of the film are what is added to the shares of all but
+            the first one.
+
+        Returns
+        -------
+        ResponseFit
+            The fit.
+        """
+        bench = self.bench
+        near_signal = bench.near_signal if with_crosstalk else None
+        start = dict(before.taxels)
+        segments: list[Segment] = []
+        for taxel in self.alive:
+            response = before.taxels[taxel]
+            intervals = bench.intervals(taxel, with_hold=True)
+            common_sources = self._common_sources(taxel, self.shares[taxel] / response.gain)
+            if covers and common_sources is not None:
+                most, *others = (bench.parts[index, :, taxel] for index in covers)
+                common_sources = np.column_stack([common_sources, *(each - most for each in others)])
+            bending = self._charge_of_bending(taxel, response.gain)
+            for begin, end in intervals:
+                time = bench.time[begin:end]
+                both = np.stack([self.common, bending], axis=1)[begin:end]
+                common, bent = high_pass(time, both, 1.0 / response.rate).T
+                signal = bench.signal[begin:end, taxel] - self.shares[taxel] * common - bent
+                part = bench.segment(taxel, begin, end, signal, common=common_sources)
+                if near_signal is not None:
+                    near = near_signal[begin:end, taxel] - len(bench.neighbours[taxel]) * common
+                    part = replace(part, sources=np.column_stack([part.sources, near]), leaking=SOURCES)
+                segments.append(part)
+            zeros = np.zeros(len(intervals))
+            coefficients = np.append(response.coefficients[:SOURCES], np.zeros(1 if with_crosstalk else 0))
+            start[taxel] = TaxelResponse(response.rate, coefficients, zeros, zeros)
+        self.segments = segments
+        prior = np.array([*(SIZE_PRIOR,) * len(POLES), WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
+        return fit_responses(
+            segments,
+            bench.noise,
+            start,
+            1.0 / bench.sensor.device.leak_time_constant,
+            prior if bench.hold is not None else None,
+            np.append(np.full(SLOW_SOURCES, -np.inf), -bench.cover[list(covers[1:])]) if covers else None,
+        )
+
+    def charge(self, taxel: int, fitted: ResponseFit) -> Array:
+        """Return the charge of a taxel [N]: of its force with hysteresis, slow charge, and that of bending.
+
+        Parameters
+        ----------
+        taxel : int
+            Number of the taxel.
+        fitted : ResponseFit
+            The fit so far.
+
+        Returns
+        -------
+        ndarray
+            Shape [scans].
+        """
+        found = fitted.taxels[taxel]
+        at_once: Array = (
+            found.gain * self.bench.force[:, taxel] + found.coefficients[1:SOURCES] @ self.bench.loops[:, :, taxel]
+        )
+        return at_once + self._slow_charge(taxel, found.gain, fitted) + self._charge_of_bending(taxel, found.gain)
+
+    def _charge_of_bending(self, taxel: int, gain: float) -> Array:
+        charge: Array = gain * (self.bench.bending_sources.of_bending(taxel) @ self.bending)
+        return charge
+
+    def _slow_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
+        """Return the charge of a taxel that came in slowly, by relaxation and by the touch's temperature [N]."""
+        sources = self._common_sources(taxel, self.shares[taxel] / gain)
+        if sources is None or not len(fitted.common):
+            return np.zeros(len(self.bench.time))
+        slow: Array = gain * (sources @ fitted.common)
+        return slow
+
+    def _common_sources(self, taxel: int, share: float) -> Array | None:
+        """Return the sources of relaxation and of the temperature rise of a touched taxel, None without a long hold."""
+        bench = self.bench
+        if bench.hold is None:
+            return None
+        force = bench.force[:, taxel]
+        columns = [low_pass(bench.time, force, pole) for pole in POLES]
+        touched = -np.expm1(-np.maximum(force, 0.0) / self.warmth_force)
+        columns.append(self.newton_per_kelvin * share * low_pass(bench.time, touched, self.warmth_time))
+        return np.stack(columns, axis=1)
+
+    def _changing(self, used: Mask) -> Mask:
+        """Return the rest in which the temperature changes most; all that is used if it never changes enough."""
+        rest = used & self.bench.untouched.all(axis=1)
+        ranges = {run: float(np.ptp(self.bench.block_temperature[slice(*run)])) for run in runs(rest)}
+        begin, end = max(ranges, key=ranges.__getitem__, default=(0, 0))
+        if ranges.get((begin, end), 0.0) < MIN_TEMPERATURE_RANGE:
+            return used
+        number = np.arange(len(used))
+        changing: Mask = (number >= begin) & (number < end)
+        return changing
+
+    def _likeliest(
+        self, values: Sequence[float], nominal: float, spread: float, fit_with: Callable[[float], ResponseFit]
+    ) -> float:
+        """Return the value with which a fit is the likeliest, downhill from the nominal one."""
+        doubts = [(math.log(value / nominal) / spread) ** 2 for value in values]
+        fits: dict[int, ResponseFit] = {}
+        middle, least = -1, int(np.argmin(doubts))
+        while middle != least and 0 < least < len(values) - 1:
+            middle = least
+            near = range(middle - 1, middle + 2)
+            for index in near:
+                fits[index] = fits.get(index) or fit_with(values[index])
+            # What is left where all else fits is no noise on a real film: it says less than its number of blocks.
+            variances = min(
+                (fits[index].variances(self.bench.noise) for index in near), key=lambda each: sum(each.values())
+            )
+            unlikely = [fits[index].square_sum(variances) + doubts[index] for index in near]
+            least = near[int(np.argmin(unlikely))]
+        return least_of_parabola([values[index] for index in near], unlikely)
