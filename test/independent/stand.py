@@ -61,7 +61,8 @@ def programme(sensor: Sensor) -> Scene:
     Returns
     -------
     Scene
-        Presses of 0.8 s; the chip 1.5 K down, 3 K up and back within 8 s; a light touch of 3 s; a hold of 40 s; rest.
+        Presses of 0.8 s, or of two leakage time constants if that is longer, and pauses as long; after 2 s, or six time
+        constants, the chip 1.5 K down, 3 K up and back within 8 s; a light touch of 3 s; a hold of 40 s; rest.
     """
     ball = sphere(BALL_RADIUS, BALL_MODULUS)
     positions = sensor.layout.positions
@@ -71,12 +72,13 @@ def programme(sensor: Sensor) -> Scene:
         x, y = positions[taxel]
         return Touch(ball, knots, ((0.0, float(x)),), ((0.0, float(y)),))
 
+    press = max(0.8, 2.0 * sensor.device.leak_time_constant)
     middle, time = sensor.layout.taxels // 2, 2.0
     touches = []
     for taxel in range(sensor.layout.taxels):
-        touches.append(touch(taxel, time, 0.8, PRESS_FORCE))
-        time += 1.6
-    time += 2.0
+        touches.append(touch(taxel, time, press, PRESS_FORCE))
+        time += 2.0 * press
+    time += max(2.0, 6.0 * sensor.device.leak_time_constant - press)
     chip = [(0.0, 0.0), (time, 0.0), (time + 2.0, -1.5), (time + 6.0, 1.5), (time + 8.0, 0.0)]
     time += 11.0
     touches.append(touch(middle, time, 3.0, LIGHT_FORCE))

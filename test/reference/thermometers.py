@@ -24,13 +24,15 @@ class Thermometers:
     measure its temperature: it contributes its change from then on.
 
     State variables: time [s]; for each sensor the last reading [degC], when it came [s], and the reading at a mean
-    change of zero [degC]; and the mean change [K].
+    change of zero [degC]; the mean change [K]; when the last reading came, and the interval of the readings [s].
     """
 
     FASTEST: Final = 3.0
     """Greatest rate of a temperature [K/s], assumed."""
     NOISE: Final = 0.1
     """Change of a reading by noise and rounding that is always accepted [K], assumed."""
+    GROWTH: Final = 1.1
+    """Growth of the interval of the readings with each one that takes longer [1]."""
 
     def __init__(self) -> None:
         self._raw = b""
@@ -39,6 +41,8 @@ class Thermometers:
         self._offset: dict[int, float] = {}
         self._time = 0.0
         self._mean = 0.0
+        self._began = False
+        self._newest = self.interval = math.nan
 
     @property
     def known(self) -> bool:
@@ -64,6 +68,7 @@ class Thermometers:
             self._time += step
         else:
             self._came.clear()
+            self._newest = math.nan
         raw = temperatures.tobytes()
         if raw == self._raw:
             return math.nan
@@ -80,7 +85,13 @@ class Thermometers:
             self._mean = sum(known) / len(known)
         for index, value in values.items():
             self._offset.setdefault(index, value - self._mean)
-        return self._mean if changed else math.nan
+        if not changed:
+            return math.nan
+        since = self._time - self._newest
+        if math.isfinite(since):
+            self.interval = since if math.isnan(self.interval) else min(since, self.GROWTH * self.interval)
+        self._newest, self._began = (self._time if self._began else math.nan), True
+        return self._mean
 
     def _jumped(self, index: int, value: float) -> bool:
         """Return whether a sensor's reading changed faster than a temperature can."""

@@ -307,6 +307,8 @@ void bind_thermometers(const py::module_& module) {
   py::class_<Thermometers>(module, "Thermometers", "Mean change of the chip temperature since the start.")
       .def(py::init<>())
       .def_property_readonly("known", &Thermometers::known, "Whether a sensor reported in the last scan.")
+      .def_property_readonly("interval", &Thermometers::interval,
+                             "Interval at which new readings come [s]; NaN: unknown so far.")
       .def_property_readonly("temperature", &Thermometers::temperature,
                              "Mean of all sensors that ever reported [degC].")
       .def(

@@ -58,6 +58,9 @@ double Thermometers::read(const float* temperatures, std::size_t sensors, double
               changed;
   }
   update_mean();
+  if (changed) {
+    follow_interval();
+  }
   return changed ? mean_ : kUnknown;
 }
 
@@ -70,6 +73,17 @@ void Thermometers::pass(double step) {
   for (Sensor& sensor : sensors_) {
     sensor.came = kUnknown;
   }
+  newest_ = kUnknown;
+}
+
+/// Note that a new reading came.
+void Thermometers::follow_interval() {
+  if (!std::isnan(newest_)) {
+    const double since = time_ - newest_;
+    interval_ = std::isnan(interval_) ? since : std::min(since, kIntervalGrowth * interval_);
+  }
+  newest_ = began_ ? time_ : kUnknown;
+  began_ = true;
 }
 
 /// Take the reading of a sensor [degC]; return whether it is a new one.

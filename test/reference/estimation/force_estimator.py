@@ -90,12 +90,11 @@ longer rest."""
 LARGEST_LAG_STEP: Final = 0.5
 """Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then."""
 
-LONGEST_INTERVAL: Final = 0.1
-"""Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
+SLOW_INTERVAL: Final = 1.0
+"""Interval of the readings of the temperature sensors before it is known [s], assumed: that of slow sensors."""
 
-REPEATED: Final = 0.15
-"""Time after which a reading of the temperature sensors that has not changed counts again [s]: one and a half
-intervals of board status."""
+REPEATED: Final = 1.5
+"""Time after which a reading of the temperature sensors that has not changed counts again [intervals]."""
 
 SAME_ERROR: Final = 1.0
 """Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time."""
@@ -717,7 +716,8 @@ class ForceEstimator:
         self._leaked = leaked
         self._unread += self._elapsed
         self._leaked_since += self._elapsed * self._integration.leak
-        repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
+        interval = SLOW_INTERVAL if math.isnan(self.film.interval) else self.film.interval
+        repeated = math.isnan(self._reading) and self._unread >= REPEATED * interval and self.film.known
         if repeated:
             self._reading = self._sensors
         any_touched = any_true(touched)
@@ -764,8 +764,8 @@ class ForceEstimator:
             charge,
             span,
             self._reading,
-            self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
-            min(self._unread, LONGEST_INTERVAL),
+            self._priors.reading**2 * (max(SAME_ERROR / self._unread, 1.0) if repeated else 1.0),
+            min(self._unread, interval),  # a reading that shows no change is none
             self._leaked_since,
             listed,
             touched,

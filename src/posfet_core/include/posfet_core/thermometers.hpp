@@ -15,6 +15,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 /// Greatest rate of a temperature [K/s], assumed.
@@ -22,6 +24,10 @@ constexpr double kFastestWarming = 3.0;
 
 /// Change of a reading by noise and rounding that is always accepted [K], assumed.
 constexpr double kReadingNoise = 0.1;
+
+/// Growth of the interval of the readings with each one that takes longer [1]: those that were equal to the one before
+/// look like a longer interval, so the shortest of late counts.
+constexpr double kIntervalGrowth = 1.1;
 
 /// Mean change of the chip temperature since the start, from sensors that may appear and disappear.
 class Thermometers {
@@ -36,6 +42,9 @@ public:
   /// does not report; `step` the time since the previous scan [s], inf: unknown.
   double read(const float* temperatures, std::size_t sensors, double step);
 
+  /// Interval at which new readings come [s]; NaN: unknown so far. Of the first reading it is not known when it came.
+  double interval() const { return interval_; }
+
 private:
   /// One sensor; NaN where there is nothing to know.
   struct Sensor {
@@ -49,6 +58,7 @@ private:
   void pass(double step);
   bool take(Sensor& sensor, float reading);
   void update_mean();
+  void follow_interval();
   bool is_repeated(const float* temperatures, std::size_t sensors) const;
   bool has_jumped(const Sensor& sensor, double value) const;
 
@@ -56,6 +66,9 @@ private:
   std::size_t reported_ = 0;  ///< Number of sensors in the last scan.
   double time_ = 0.0;
   double mean_ = 0.0;
+  bool began_ = false;          ///< Whether there was a reading.
+  double newest_ = kUnknown;    ///< When the last new reading came [s].
+  double interval_ = kUnknown;  ///< Interval of the readings [s].
 };
 
 }  // namespace posfet

@@ -26,12 +26,11 @@ namespace posfet {
 
 namespace {
 
-/// Longest time between two readings of the temperature sensors [s]: one that shows no change is none.
-constexpr double kLongestInterval = 0.1;
+/// Interval of the readings of the temperature sensors before it is known [s], assumed: that of slow sensors.
+constexpr double kSlowInterval = 1.0;
 
-/// Time after which a reading of the temperature sensors that has not changed counts again [s]: one and a half
-/// intervals of board status.
-constexpr double kRepeated = 0.15;
+/// Time after which a reading of the temperature sensors that has not changed counts again [intervals].
+constexpr double kRepeated = 1.5;
 
 /// Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time.
 constexpr double kSameError = 1.0;
@@ -84,10 +83,12 @@ void ForceEstimator::take_reading(Block& block) {
   unread_ += scans.elapsed;
   leaked_since_ += scans.elapsed * scans.leak;
   block.leaked_time = leaked_since_;
-  const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated && integration_->thermometers().known();
+  const Thermometers& thermometers = integration_->thermometers();
+  const double interval = std::isnan(thermometers.interval()) ? kSlowInterval : thermometers.interval();
+  const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated * interval && thermometers.known();
   block.reading = repeated ? scans.sensors : scans.reading;
-  block.reading_variance = square(priors_.reading) * (repeated ? kSameError / kRepeated : 1.0);
-  block.interval = std::min(unread_, kLongestInterval);
+  block.reading_variance = square(priors_.reading) * (repeated ? std::max(kSameError / unread_, 1.0) : 1.0);
+  block.interval = std::min(unread_, interval);  // a reading that shows no change is none
   if (!std::isnan(block.reading)) {
     scans.reading = kUnknown;
     unread_ = 0.0;

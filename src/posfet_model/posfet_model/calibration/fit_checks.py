@@ -39,6 +39,13 @@ GAIN_RANGE: Final = (0.25, 4.0)
 LEAK_RANGE: Final = (0.2, 5.0)
 """Plausible leakage time constants relative to nominal [1]: resistors of 10 Gohm are within a factor of five."""
 
+LEAK_DEVIATION: Final = 0.1
+"""Largest relative standard deviation of a leakage time constant that presses alone may leave [1], assumed: presses and
+pauses of 1.6 time constants leave 0.02, those of 1.1 time constants three times the time constant."""
+
+PRESS_TIME: Final = 2.0
+"""Presses and pauses that are long enough [leakage time constants]."""
+
 MAX_BENDING: Final = 0.03
 """Largest plausible bending of a chip, and of its gradients [1], assumed: four times that of a poor mount."""
 
@@ -165,6 +172,33 @@ def check_responses(
         raise FitError(
             f"offset of taxel {taxel}: drifts by {worst:.1f} times the bound ({OFFSET_CHANGE:.0%} of the force): "
             "let the board warm up, and keep its temperature"
+        )
+
+
+def check_leakage(sensor: Sensor, presses: ResponseFit, dead: Mask) -> None:
+    """Refuse presses that are too short to tell the leakage from the gain.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+    presses : ResponseFit
+        Fit of the presses alone.
+    dead : ndarray of bool
+        Taxels that measure nothing, shape [taxels].
+
+    Raises
+    ------
+    FitError
+        The time constant of a taxel is not known.
+    """
+    known = [(each.deviations[-1] / each.rate, taxel) for taxel, each in presses.taxels.items() if not dead[taxel]]
+    worst, taxel = max(known)
+    if worst > LEAK_DEVIATION:
+        needed = PRESS_TIME * sensor.device.leak_time_constant
+        raise FitError(
+            f"leakage of taxel {taxel}: its presses tell the time constant to {worst:.0%} only, more than "
+            f"{LEAK_DEVIATION:.0%}: press each taxel for {needed:.1g} s, and leave it for as long before the next press"
         )
 
 

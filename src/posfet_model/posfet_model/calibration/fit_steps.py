@@ -41,10 +41,17 @@ from posfet_model.sensor.signal_chain import charge_per_newton
 MIN_TEMPERATURE_RANGE: Final = 0.5
 """The temperature has to vary by at least this much for the pyroelectric gain to be fitted [K]."""
 
-POLES: Final = (0.1, 1.0, 10.0)
-"""Time constants of the relaxation poles [s]: a spread of time constants over three decades is one pole per decade."""
+POLES: Final = 3
+"""Number of relaxation poles: a spread of time constants over three decades is one pole per decade."""
 
-SLOW_SOURCES: Final = len(POLES) + 1
+LEAK_IN_DECADE: Final = math.log10(2.7)
+"""Where the leakage time constant is between the time constants of two poles, in decades after the faster one [1]: a
+pole with the time constant of the leakage cannot be told from it."""
+
+SLOWEST_POLE: Final = 5.0
+"""The slowest pole has at least this time constant, and less than ten times it [s]: within a long hold."""
+
+SLOW_SOURCES: Final = POLES + 1
 """Number of the common sources that come in slowly: relaxation, and the temperature rise of a touched taxel."""
 
 SIZE_PRIOR: Final = 0.1
@@ -81,6 +88,8 @@ class FitSteps:
         Signals and forces.
     dead : ndarray of bool
         Taxels that measure nothing, shape [taxels].
+    poles : tuple of float
+        Time constants of the relaxation poles [s].
     segments : list of Segment
         Segments of the last fit.
     common : ndarray
@@ -103,6 +112,7 @@ class FitSteps:
 
     def __init__(self, bench: BenchSignals, presses: ResponseFit, dead: Mask) -> None:
         self.bench, self.dead = bench, dead
+        self.poles = relaxation_poles(bench.sensor.device.leak_time_constant)
         self.segments: list[Segment] = []
         self.common = np.zeros(len(bench.time))
         self.shares = np.ones(bench.taxels)
@@ -250,7 +260,7 @@ class FitSteps:
         if self.bench.hold is None:
             return
         nominal = self.fit_all(before)
-        if abs(float(nominal.common[len(POLES)])) < WARMTH_DOUBT[0]:
+        if abs(float(nominal.common[POLES])) < WARMTH_DOUBT[0]:
             return  # no more than the taxels may differ by: what fits best is that of something else
 
         def fit_with(time: float, force: float) -> ResponseFit:
@@ -318,7 +328,7 @@ class FitSteps:
             coefficients = np.append(response.coefficients[:SOURCES], np.zeros(1 if with_crosstalk else 0))
             start[taxel] = TaxelResponse(response.rate, coefficients, zeros, zeros)
         self.segments = segments
-        prior = np.array([*(SIZE_PRIOR,) * len(POLES), WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
+        prior = np.array([*(SIZE_PRIOR,) * POLES, WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
         return fit_responses(
             segments,
             bench.noise,
@@ -367,7 +377,7 @@ class FitSteps:
         if bench.hold is None:
             return None
         force = bench.force[:, taxel]
-        columns = [low_pass(bench.time, force, pole) for pole in POLES]
+        columns = [low_pass(bench.time, force, pole) for pole in self.poles]
         touched = -np.expm1(-np.maximum(force, 0.0) / self.warmth_force)
         columns.append(self.newton_per_kelvin * share * low_pass(bench.time, touched, self.warmth_time))
         return np.stack(columns, axis=1)
@@ -402,3 +412,16 @@ class FitSteps:
             unlikely = [fits[index].square_sum(variances) + doubts[index] for index in near]
             least = near[int(np.argmin(unlikely))]
         return least_of_parabola([values[index] for index in near], unlikely)
+
+
+def relaxation_poles(leak_time_constant: float) -> tuple[float, ...]:
+    """Return the time constants of the relaxation poles of an array, a decade apart, ascending [s].
+
+    Parameters
+    ----------
+    leak_time_constant : float
+        Nominal time constant of the leakage [s].
+    """
+    slowest = math.log10(leak_time_constant) - LEAK_IN_DECADE
+    slowest += math.ceil(math.log10(SLOWEST_POLE) - slowest)
+    return tuple(10.0 ** (slowest - index) for index in reversed(range(POLES)))

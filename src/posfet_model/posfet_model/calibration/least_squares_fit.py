@@ -44,7 +44,13 @@ from posfet_model.calibration.bench_signals import (
 )
 from posfet_model.calibration.bending_fit import SLOW, BendingFit
 from posfet_model.calibration.cover_fit import find_cover
-from posfet_model.calibration.fit_checks import check_bending, check_ranges, check_responses, check_temperature
+from posfet_model.calibration.fit_checks import (
+    check_bending,
+    check_leakage,
+    check_ranges,
+    check_responses,
+    check_temperature,
+)
 from posfet_model.calibration.fit_steps import POLES, WARMTH_DOUBT, FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
 from posfet_model.calibration.response_fit import ResponseFit, fit_responses
@@ -116,6 +122,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
     if dead.all():
         raise ValueError("no taxel responds to the force: nothing to calibrate")
+    check_leakage(sensor, presses, dead)
     check_ranges(sensor, presses, dead)
     steps, found = FitSteps(bench, presses, dead), presses
     for index in range(ROUNDS):
@@ -156,7 +163,7 @@ def _calibration(
     pyroelectric = np.ones(bench.taxels)
     if thermal is not None and nominal:
         pyroelectric = np.where(dead, 1.0, steps.shares * thermal.newton_per_kelvin / nominal)
-    poles = len(POLES) if bench.hold is not None else 0
+    poles = POLES if bench.hold is not None else 0
     weights = np.median([each.coefficients[1:] / each.gain for each in found.taxels.values()], axis=0)
     atypical = loop_slopes(TYPICAL_FORCE / ATYPICAL) - loop_slopes(TYPICAL_FORCE * ATYPICAL)
     doubt = HYSTERESIS_DOUBT * np.abs(weights).sum()
@@ -187,7 +194,7 @@ def _calibration(
         thermal_time_constant=film_lag,
         date=date,
         residuals=hold_out_error(steps, found),
-        relaxation_time_constants=np.array(POLES[:poles]),
+        relaxation_time_constants=np.array(steps.poles[:poles]),
         relaxation_sizes=found.common[:poles],
         relaxation_deviations=deviations,
         hysteresis_half_widths=np.array(PLAY_HALF_WIDTHS) * sensor.device.force_max,
