@@ -119,3 +119,28 @@ def test_after_an_interruption_any_change_is_possible() -> None:
     change = 10.0 * FASTEST_WARMING
     later = np.array([25.0 + change, 31.0 + change], np.float32)
     assert thermometers.read(later, math.inf) == pytest.approx(change)
+
+
+@pytest.mark.parametrize("interval", [0.1, 1.0])
+def test_the_interval_of_the_readings_is_found(interval: float) -> None:
+    # Scans come every 10 ms. When the first reading came is not known, and some are equal to the one before.
+    thermometers, scans = Thermometers(), round(interval / 0.01)
+    for number, reading in enumerate((0, 1, 2, 2, 2, 3, 2, 1)):
+        if number == 2:
+            assert math.isnan(thermometers.interval)
+        for _ in range(scans if number else scans // 2):
+            thermometers.read(np.array([25.0 + reading / 256.0], np.float32), 0.01)
+    assert thermometers.interval == pytest.approx(interval)
+
+
+def test_the_interval_of_the_readings_grows_slowly_and_outlasts_an_interruption() -> None:
+    thermometers = Thermometers()
+    for reading in range(3):
+        read(thermometers, 25.0 + reading / 256.0)
+    assert thermometers.interval == 1.0
+    thermometers.read(np.array([25.0], np.float32), math.inf)
+    assert thermometers.interval == 1.0
+    for _ in range(9):
+        read(thermometers, 25.0)
+    read(thermometers, 25.1)
+    assert thermometers.interval == pytest.approx(1.1)

@@ -90,8 +90,8 @@ longer rest."""
 LARGEST_LAG_STEP: Final = 0.5
 """Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then."""
 
-SLOW_INTERVAL: Final = 1.0
-"""Interval of the readings of the temperature sensors before it is known [s], assumed: that of slow sensors."""
+STATUS_INTERVAL: Final = 0.1
+"""Interval of the readings of the temperature sensors before it is known [s]: that of board status."""
 
 REPEATED: Final = 1.5
 """Time after which a reading of the temperature sensors that has not changed counts again [intervals]."""
@@ -141,6 +141,9 @@ PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 SHARE_PLAY: Final = 2e-3
 """Greatest change of a taxel's share of the force that is no motion [1]."""
+
+UNKNOWN_TAIL: Final = 0.15
+"""Variance of a common tail of which nothing is known [1], assumed: as after all the force has moved."""
 
 EARLY: Final = 2.0
 """Time in which readings show at what rate the film has warmed since before the start [s]: it is constant."""
@@ -197,8 +200,10 @@ class Block:
     """Greatest force of a neighbour [N]; 0 where nothing touches."""
     tail: Array
     """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
+    moved_share: float
+    """Share of the force that has moved from taxel to taxel [1]."""
     tail_moved: float
-    """Share of that force that is new [1]."""
+    """Share of the tail that is new [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
     cooled: Array
@@ -707,6 +712,11 @@ class ForceEstimator:
         if found.innovation**2 < SURPRISING**2 * expected:
             self._filter.measure_shared(found.innovation, found.sensitivity, found.variance)
 
+    @property
+    def _reading_interval(self) -> float:
+        """Interval at which new readings of the temperature come [s]."""
+        return STATUS_INTERVAL if math.isnan(self.film.interval) else float(self.film.interval)
+
     def _measure(self, touched: Mask, listed: Mask) -> Block:
         """Return the block that is due."""
         mean = self._mean = self._sum / self._scans
@@ -716,8 +726,7 @@ class ForceEstimator:
         self._leaked = leaked
         self._unread += self._elapsed
         self._leaked_since += self._elapsed * self._integration.leak
-        interval = SLOW_INTERVAL if math.isnan(self.film.interval) else self.film.interval
-        repeated = math.isnan(self._reading) and self._unread >= REPEATED * interval and self.film.known
+        repeated = math.isnan(self._reading) and self._unread >= REPEATED * self._reading_interval and self.film.known
         if repeated:
             self._reading = self._sensors
         any_touched = any_true(touched)
@@ -765,13 +774,14 @@ class ForceEstimator:
             span,
             self._reading,
             self._priors.reading**2 * (max(SAME_ERROR / self._unread, 1.0) if repeated else 1.0),
-            min(self._unread, interval),  # a reading that shows no change is none
+            min(self._unread, self._reading_interval),  # a reading that shows no change is none
             self._leaked_since,
             listed,
             touched,
             response,
             neighbour,
             tail,
+            moved,
             tail_moved,
             own_noise,
             cooled,
@@ -927,7 +937,11 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
+        kept = math.exp(-block.moved_share)
+        matrix[Shared.TAIL, Shared.TAIL] = kept
+        after[Shared.TAIL] = p.tail + kept * (belief.shared[Shared.TAIL] - p.tail)
+        walked = self._tail_spread() ** 2 * block.tail_moved
+        noise[Shared.TAIL, Shared.TAIL] = walked + (1.0 - kept**2) * UNKNOWN_TAIL
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
@@ -1263,7 +1277,7 @@ class ForceEstimator:
         """Follow what the warmth of an object may hide of a touch that no contact lists yet.
 
         What the taxel reads, what zeros have absorbed of it and what is hidden cause that warmth together. What a tap
-        leaves of its force is no touch: warmth hides none of it within a block.
+        leaves of its force is no touch, on the taxels beside it neither: warmth hides none of it within a block.
         """
         mean = np.maximum(self._mean, 0.0)
         fallen = self._felt - mean
@@ -1272,7 +1286,8 @@ class ForceEstimator:
         self._felt = mean
         touch = self._touched & ~self._tapped & ~any_true(self._listed)
         read = np.where(touch, mean + absorbed, 0.0)
-        felt = read + self._hidden * (read**2 > SURPRISING**2 * block.noise)
+        presses = (read**2 > SURPRISING**2 * block.noise) & ~self._surroundings.dilated(self._tapped)
+        felt = read + self._hidden * presses
         variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
         kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
         share = -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)

@@ -26,8 +26,8 @@ namespace posfet {
 
 namespace {
 
-/// Interval of the readings of the temperature sensors before it is known [s], assumed: that of slow sensors.
-constexpr double kSlowInterval = 1.0;
+/// Interval of the readings of the temperature sensors before it is known [s]: that of board status.
+constexpr double kStatusInterval = 0.1;
 
 /// Time after which a reading of the temperature sensors that has not changed counts again [intervals].
 constexpr double kRepeated = 1.5;
@@ -84,7 +84,7 @@ void ForceEstimator::take_reading(Block& block) {
   leaked_since_ += scans.elapsed * scans.leak;
   block.leaked_time = leaked_since_;
   const Thermometers& thermometers = integration_->thermometers();
-  const double interval = std::isnan(thermometers.interval()) ? kSlowInterval : thermometers.interval();
+  const double interval = std::isnan(thermometers.interval()) ? kStatusInterval : thermometers.interval();
   const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated * interval && thermometers.known();
   block.reading = repeated ? scans.sensors : scans.reading;
   block.reading_variance = square(priors_.reading) * (repeated ? std::max(kSameError / unread_, 1.0) : 1.0);
@@ -196,7 +196,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   double moved = 0.0;
   double total = 0.0;
   double before = 0.0;
-  const double moved_share = find_moved_share(block);
+  block.moved_share = find_moved_share(block);
   TaxelFlags& near = chosen_;
   if (touch) {
     surroundings_.dilate(block.touched, near);
@@ -227,7 +227,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
       // A force that rises beside a contact cannot be told from warmth: each is as likely.
       own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
       if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
-        own[own_at(kSmallForce, kSmallForce)] += moved_share * square(tail);
+        own[own_at(kSmallForce, kSmallForce)] += block.moved_share * square(tail);
       }
       whole += std::max(tail, tail_[taxel]);
       moved += std::abs(tail - tail_[taxel]);

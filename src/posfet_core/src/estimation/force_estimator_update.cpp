@@ -45,6 +45,10 @@ constexpr double kWarmingTimes = 2.0;
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
+/// Variance of a common tail of which nothing is known [1], assumed: as after all the force has moved from taxel to
+/// taxel. What is beside a contact rises on all of its side at once as it comes.
+constexpr double kUnknownTail = 0.15;
+
 }  // namespace
 
 /// Whether the rate of the temperature has changed since the oldest stored block by more than its dynamics let expect,
@@ -161,7 +165,11 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
-  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved;
+  const double kept = std::exp(-block.moved_share);
+  shared.matrix[kTail * kSharedStates + kTail] = kept;
+  shared.after[kTail] = priors_.tail + kept * (b.shared[kTail] - priors_.tail);
+  shared.noise[kTail * kSharedStates + kTail] =
+      square(spread) * block.tail_moved + (1.0 - square(kept)) * kUnknownTail;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {

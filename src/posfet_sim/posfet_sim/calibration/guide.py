@@ -17,6 +17,7 @@ import numpy as np
 from posfet_model._lib.types import Array
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.calibration.bench_signals import MIN_FORCE
+from posfet_model.calibration.fit_checks import PRESS_TIME
 from posfet_model.calibration.fit_steps import MIN_TEMPERATURE_RANGE
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor
@@ -96,10 +97,11 @@ class Untouched(Step):
 class Presses(Step):
     """Each taxel is pressed."""
 
-    def __init__(self, taxels: int) -> None:
+    def __init__(self, taxels: int, seconds: float) -> None:
         super().__init__(
             "presses",
-            f"press the ball on the centre of each taxel in turn with {MIN_FORCE:g} N or more, better 2 N; release it",
+            f"press the ball on the centre of each taxel in turn with {MIN_FORCE:g} N or more, better 2 N; release it "
+            f"after {seconds:.1g} s or more, for as long",
         )
         self.peak = np.zeros(taxels)
         """Largest force of each taxel so far [N], nominal."""
@@ -173,7 +175,7 @@ class Guide:
     """
 
     def __init__(self, sensor: Sensor) -> None:
-        self.presses = Presses(sensor.layout.taxels)
+        self.presses = Presses(sensor.layout.taxels, PRESS_TIME * sensor.device.leak_time_constant)
         """The step in which each taxel is pressed."""
         self.steps: tuple[Step, ...] = (
             Untouched("rest", "leave the sensor untouched", REST),

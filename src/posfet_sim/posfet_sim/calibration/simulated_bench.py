@@ -27,8 +27,8 @@ from posfet_sim.scene import Keyframes, Scene, SceneObject
 REST: Final = 1.0
 """Time before the first press [s]."""
 
-PRESS: Final = 0.8
-"""Time per taxel [s]."""
+PRESS: Final = (0.8, 2.9)
+"""Time per taxel: at least so many seconds, and so many leakage time constants, as shorter presses do not tell them."""
 
 RELATIVE_FORCE: Final = 0.4
 """Force of a press relative to the full-scale force of a taxel [1]."""
@@ -41,8 +41,8 @@ above the temperature of the presses, so that leakage that changes with temperat
 COOLING_TIME: Final = 8.0
 """Duration of the temperature's way down, up and back [s]."""
 
-PAUSE: Final = 2.0
-"""Rest before and after the change of temperature [s]."""
+PAUSE: Final = (2.0, 6.0)
+"""Rest before and after the change of temperature: at least so many seconds, and so many leakage time constants."""
 
 LIGHT_FORCE: Final = 0.05
 """Force of a light touch before the long hold, relative to the full-scale force [1]: the temperature rise of a
@@ -73,17 +73,18 @@ def pressing_scene(sensor: Sensor, long_hold: bool = True) -> Scene:
     Scene
         The scene; it plays once.
     """
-    force = RELATIVE_FORCE * sensor.device.force_max
+    force, tau = RELATIVE_FORCE * sensor.device.force_max, sensor.device.leak_time_constant
+    press, pause = (max(seconds, constants * tau) for seconds, constants in (PRESS, PAUSE))
     times: list[float] = []
     values: list[tuple[float, ...]] = []
     for index, (x, y) in enumerate(sensor.layout.positions.tolist()):
-        begin = REST + index * PRESS
+        begin = REST + index * press
         for fraction, load in ((0.05, 0.0), (0.2, force), (0.6, force), (0.75, 0.0)):
-            times.append(begin + fraction * PRESS)
+            times.append(begin + fraction * press)
             values.append((x, y, 0.0, load))
-    end = REST + sensor.layout.taxels * PRESS
-    cool = end + PAUSE
-    period = cool + COOLING_TIME + PAUSE
+    end = REST + sensor.layout.taxels * press
+    cool = end + pause
+    period = cool + COOLING_TIME + pause
     if long_hold:
         x, y = sensor.layout.positions[_middle(sensor)].tolist()
         light = LIGHT_FORCE * sensor.device.force_max

@@ -39,7 +39,8 @@ struct Block {
   std::vector<double> neighbour;  ///< Greatest force of a neighbour [N]; 0 where nothing touches.
   std::vector<double> tail;       ///< Force of an untouched taxel if forces declined geometrically away from the
                                   ///< contact [N].
-  double tail_moved = 0.0;        ///< Share of that force that is new [1].
+  double moved_share = 0.0;       ///< Share of the force that has moved from taxel to taxel [1].
+  double tail_moved = 0.0;        ///< Share of the tail that is new [1].
   std::vector<double> own_noise;  ///< Covariance of the process noise of each taxel, [taxels, own, own].
   std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
   double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
