@@ -119,7 +119,8 @@ void ForceEstimator::find_absorbed(std::vector<double>& out) const {
 /// Follow what the warmth of an object may hide of a touch that no contact lists yet [N]. What a taxel reads, what
 /// zeros have absorbed and, where these two are more than noise, what is hidden already cause that warmth together. It
 /// counts in the deviation only: such a touch may be none, and the filter would explain it by the warmth. What a tap
-/// leaves of its force is no touch: warmth hides none of it within a block. On the taxels beside it most is such a rest.
+/// leaves of its force is no touch: warmth hides none of it within a block. On the taxels beside it most is such a
+/// rest.
 void ForceEstimator::follow_hidden(const Block& block) {
   const double follows = -std::expm1(-block.duration / priors_.warmth_time);
   const double kelvin = std::hypot(belief()->shared[kWarmth], std::sqrt(belief()->variance(kWarmth)));

@@ -168,8 +168,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
   const double kept = std::exp(-block.moved_share);
   shared.matrix[kTail * kSharedStates + kTail] = kept;
   shared.after[kTail] = priors_.tail + kept * (b.shared[kTail] - priors_.tail);
-  shared.noise[kTail * kSharedStates + kTail] =
-      square(spread) * block.tail_moved + (1.0 - square(kept)) * kUnknownTail;
+  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved + (1.0 - square(kept)) * kUnknownTail;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {
