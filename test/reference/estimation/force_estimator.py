@@ -93,7 +93,7 @@ LARGEST_LAG_STEP: Final = 0.5
 STATUS_INTERVAL: Final = 0.1
 """Interval of the readings of the temperature sensors before it is known [s]: that of board status."""
 
-REPEATED: Final = 1.5
+REPEATED: Final = 3.0
 """Time after which a reading of the temperature sensors that has not changed counts again [intervals]."""
 
 SAME_ERROR: Final = 1.0
@@ -140,7 +140,9 @@ NEGLIGIBLE: Final = 1e-12
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 SHARE_PLAY: Final = 2e-3
-"""Greatest change of a taxel's share of the force that is no motion [1]."""
+"""Greatest change of a taxel's share of the force that is no motion [1]: the deviation of its force, between these."""
+GREATEST_SHARE_PLAY: Final = 0.02
+"""What changes more has moved, however uncertain the force is [1]."""
 
 UNKNOWN_TAIL: Final = 0.15
 """Variance of a common tail of which nothing is known [1], assumed: as after all the force has moved."""
@@ -807,7 +809,9 @@ class ForceEstimator:
         """Return the share of the force that has moved from taxel to taxel within a block."""
         total, before = float(held.sum()), self._share
         share = held / total if total else held
-        self._share = np.minimum(np.maximum(before, share - SHARE_PLAY), share + SHARE_PLAY)
+        deviation = np.sqrt(self._own + self._shared_variance()) / total if total > 0.0 else 0.0
+        play = np.minimum(np.maximum(deviation, SHARE_PLAY), GREATEST_SHARE_PLAY)
+        self._share = np.minimum(np.maximum(before, share - play), share + play)
         if not total or before.sum() <= 0.5:
             return 0.0
         return 0.5 * float(np.abs(self._share - before).sum())

@@ -29,8 +29,9 @@ namespace {
 /// Interval of the readings of the temperature sensors before it is known [s]: that of board status.
 constexpr double kStatusInterval = 0.1;
 
-/// Time after which a reading of the temperature sensors that has not changed counts again [intervals].
-constexpr double kRepeated = 1.5;
+/// Time after which a reading of the temperature sensors that has not changed counts again [intervals]: some are equal
+/// to the one before.
+constexpr double kRepeated = 3.0;
 
 /// Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time.
 constexpr double kSameError = 1.0;
@@ -41,8 +42,10 @@ constexpr double kLeastFelt = 0.1;
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
 
-/// Greatest change of a taxel's share of the force that is no motion [1].
+/// Greatest change of a taxel's share of the force that is no motion [1]: the deviation of its force, between these.
+/// What changes more has moved, however uncertain the force is.
 constexpr double kSharePlay = 2e-3;
+constexpr double kGreatestSharePlay = 0.02;
 
 /// Product of two changes of a force: of its change, and of the greater one of both.
 double changed_square(double now, double before) { return std::abs(now - before) * std::max(now, before); }
@@ -175,9 +178,16 @@ double ForceEstimator::find_moved_share(const Block& block) {
   double moved = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double held = held_force(block, taxel);
-    const double share = total > 0.0 ? held / total : 0.0;
-    // With a play, as a tremor changes shares, too: those of weak forces lag behind.
-    const double now = std::min(std::max(share_[taxel], share - kSharePlay), share + kSharePlay);
+    double share = 0.0;
+    double play = kSharePlay;
+    if (total > 0.0) {
+      const double* factor = state().correlated_error.data() + taxel * kCauses;
+      const double deviation = std::sqrt(own_[taxel] + dot(factor, factor, kCauses));
+      share = held / total;
+      // With a play, as tremor and errors change shares, too: those of weak forces lag behind.
+      play = std::min(std::max(deviation / total, kSharePlay), kGreatestSharePlay);
+    }
+    const double now = std::min(std::max(share_[taxel], share - play), share + play);
     before += share_[taxel];
     moved += std::abs(now - share_[taxel]);
     share_[taxel] = now;
