@@ -115,7 +115,7 @@ def readings(sensor: Sensor, seed: int) -> tuple[Array, Array]:
     return time + CLOCK_DELAY, values
 
 
-def calibrate(board: Board, cover: CoverName, exact: bool = False, crosstalk: float = 0.0) -> Calibration:
+def calibrate(board: Board, cover: CoverName, crosstalk: float = 0.0) -> Calibration:
     """Return the calibration of a board on its own stand.
 
     Parameters
@@ -124,8 +124,6 @@ def calibrate(board: Board, cover: CoverName, exact: bool = False, crosstalk: fl
         The board.
     cover : str
         Its cover: gauss, layer or half_space.
-    exact : bool, default False
-        Whether the stand knows the true force on each taxel, to find out what its ignorance of the cover costs.
     crosstalk : float, default 0.0
         Share of the signal of each of its four neighbours that a taxel picks up [1].
 
@@ -148,8 +146,6 @@ def calibrate(board: Board, cover: CoverName, exact: bool = False, crosstalk: fl
     scans = Scans(time, _with_crosstalk(sensor, recording.counts, crosstalk), temperature)
     reference = Reference(*readings(sensor, board.seed))
     combined, _ = combine(sensor, scans, reference, Sphere(BALL_RADIUS, BALL_MODULUS))
-    if exact:
-        combined = replace(combined, force=load.force[recording.index], force_under=None)
     return fit(sensor, combined, "2026-01-01")
 
 

@@ -48,7 +48,7 @@ TYPICAL_FORCE: Final = 0.06
 changes of force more than large ones, and a fingertip presses a taxel with some tenths of a newton."""
 
 LONG_HOLD: Final = 20.0
-"""A force on a taxel for at least this long is a long hold [s]: twice the slowest pole."""
+"""A force on a taxel for at least this long is a long hold [s]: twice the slowest pole of the shipped sensor."""
 
 HOLD_TAIL: Final = 20.0
 """Time after the release of a long hold that is fitted [s]."""
