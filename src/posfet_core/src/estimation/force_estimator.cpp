@@ -159,6 +159,12 @@ double ForceEstimator::warmth_variance(std::size_t taxel) const {
   return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }
 
+/// Variance of a force at the end of the last block [N2].
+double ForceEstimator::whole_variance(std::size_t taxel) const {
+  const double* factor = state().correlated_error.data() + taxel * kCauses;
+  return own_[taxel] + dot(factor, factor, kCauses);
+}
+
 /// By how much forces beside a contact differ from what they have in common, relative to the decline: as much as that
 /// itself, which is far from its prior where forces do not decline geometrically: beside a pad.
 double ForceEstimator::tail_spread() const { return std::max(priors_.tail, std::abs(belief()->shared[kTail])); }

@@ -181,11 +181,9 @@ double ForceEstimator::find_moved_share(const Block& block) {
     double share = 0.0;
     double play = kSharePlay;
     if (total > 0.0) {
-      const double* factor = state().correlated_error.data() + taxel * kCauses;
-      const double deviation = std::sqrt(own_[taxel] + dot(factor, factor, kCauses));
       share = held / total;
       // With a play, as tremor and errors change shares, too: those of weak forces lag behind.
-      play = std::min(std::max(deviation / total, kSharePlay), kGreatestSharePlay);
+      play = std::min(std::max(std::sqrt(whole_variance(taxel)) / total, kSharePlay), kGreatestSharePlay);
     }
     const double now = std::min(std::max(share_[taxel], share - play), share + play);
     before += share_[taxel];

@@ -542,11 +542,9 @@ void ForceEstimator::reset_released(const Block& block) {
 void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts) {
   std::vector<double>& variance = values_;
   std::vector<double>& course = residual_;
-  const std::vector<double>& shared = state().correlated_error;
   filter_.predicted(block.response.data(), course.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double* factor = shared.data() + taxel * kCauses;
-    variance[taxel] = own_[taxel] + (contacts.empty() ? 0.0 : dot(factor, factor, kCauses));
+    variance[taxel] = contacts.empty() ? own_[taxel] : whole_variance(taxel);
     const double* response = block.response.data() + taxel * kSharedStates;
     course[taxel] = block.mean[taxel] - course[taxel] + dot(response + kBend, belief()->shared.data() + kBend, kBends);
   }

@@ -181,6 +181,7 @@ private:
   double leak() const { return integration_->block().leak; }
   double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
   double warmth_variance(std::size_t taxel) const;
+  double whole_variance(std::size_t taxel) const;
   void forget_touch();
   double tail_spread() const;
   double film_rate() const;
