@@ -63,6 +63,20 @@ def test_leakage_that_depends_on_the_temperature_is_found(per_kelvin: float, sen
     assert found.lag == pytest.approx(FILM_LAG - sensor_lag, abs=0.01)
 
 
+@pytest.mark.parametrize("step", [0.0, 1.0 / 16.0])
+@pytest.mark.parametrize("noise", [2e-3, 20e-3])
+def test_noise_and_rounding_of_the_readings_are_found(noise: float, step: float) -> None:
+    # Ten readings a second, interpolated. Assumed to be right within 3.5 mK, others made forces where nothing was.
+    time, chip, common = signals(0.0, 0.1)
+    at = np.arange(0.0, time[-1], 0.1)
+    read = np.interp(at, time, chip) + noise * np.random.default_rng(2).standard_normal(len(at))
+    rounded = np.rint(read / step) * step if step else read
+    found = fit_temperature(time, np.interp(time, at, rounded), common, time > BEGIN - 1.0, FILM_LAG, 0.0, TAU)
+    assert found.reading_deviation > 0.6 * noise
+    assert found.reading_deviation > 0.3 * step / math.sqrt(12.0)  # at rest rounding errors stay the same, and hidden
+    assert found.reading_deviation < 1.4 * math.hypot(noise, step / math.sqrt(12.0))
+
+
 def test_charge_that_seems_to_leak_more_slowly_in_the_warmth_is_something_else() -> None:
     assert fitted(-0.02, 0.1).leak_per_kelvin == 0.0
 

@@ -177,6 +177,12 @@ def test_a_lag_of_the_sensors_is_known_as_well_as_readings_show_it(lag: float, d
     assert known.lag_spread * known.lag == pytest.approx(deviation, rel=0.01)
 
 
+def test_readings_are_as_noisy_as_a_calibration_has_found_them_or_as_assumed() -> None:
+    priors = ErrorPriors()
+    assert priors.with_calibration(calibration(temperature_reading_deviation=0.02)).reading == 0.02
+    assert priors.with_calibration(calibration(temperature_reading_deviation=1e-3)).reading == priors.reading
+
+
 def test_in_ten_minutes_a_constant_state_forgets_as_much_as_was_unknown_at_the_start() -> None:
     priors = ErrorPriors()
     gained = np.diag(dynamics().transition(state(), SharedDynamics.FORGET)[2])

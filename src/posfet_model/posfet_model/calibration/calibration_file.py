@@ -101,6 +101,7 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "saturation_force_mN": _number(calibration.warmth_force * 1e3),
         },
         "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
+        "temperature_reading_deviation_mK": _number(calibration.temperature_reading_deviation * 1e3),
     }
     if len(calibration.bending):
         document["bending"] = {
@@ -250,6 +251,7 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         warmth=warmth.number("level_K", -10.0, 10.0),
         warmth_deviation=warmth.number("deviation_K", 0.0, 10.0),
         temperature_sensor_lag=top.number("temperature_sensor_lag_s", 0.0, 1e4),
+        temperature_reading_deviation=top.number("temperature_reading_deviation_mK", 0.0, 1e6, default=0.0) * 1e-3,
         temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
     )
     if "time_constant_s" in warmth:

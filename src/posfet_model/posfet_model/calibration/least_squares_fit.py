@@ -175,10 +175,11 @@ def _calibration(
         warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
     spreads = np.array((1.0, *COVER_SPREADS) if len(bench.cover) > 1 else ()) * sensor.device.contact_spread
     film_lag, sensor_lag = sensor.device.thermal_time_constant, 0.0
-    leak: dict[str, float] = {}
+    temperature: dict[str, float] = {}
     if thermal is not None:
-        leak["leak_per_kelvin"] = thermal.leak_per_kelvin
-        leak["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
+        temperature["temperature_reading_deviation"] = thermal.reading_deviation
+        temperature["leak_per_kelvin"] = thermal.leak_per_kelvin
+        temperature["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
         film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else sensor.device.thermal_time_constant
         sensor_lag = film_lag - thermal.lag
     return Calibration(
@@ -212,7 +213,7 @@ def _calibration(
         chip_warming=bending.warming,
         temperature_sensor_lag=sensor_lag,
         temperature=bench.pressed_temperature,
-        **leak,
+        **temperature,
     )
 
 

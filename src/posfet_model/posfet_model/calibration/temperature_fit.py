@@ -28,6 +28,7 @@ import numpy as np
 from posfet_model._lib.minima import golden_section
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.leaky_response import high_pass, low_pass
+from posfet_model.calibration.response_fit import BLOCK
 
 LAGS: Final = (*(-np.geomspace(6.0, 0.02, 29)).tolist(), 0.0, *np.geomspace(0.02, 2.0, 25).tolist())
 """Lags of the film behind the sensors that are tried [s]; below 0: the sensors lag behind the film."""
@@ -53,6 +54,18 @@ class TemperatureFit:
     """its standard deviation [1/K]."""
     residuals: Array
     """Reading minus that predicted from the film or the other way round [K], shape [blocks]."""
+
+    @property
+    def reading_deviation(self) -> float:
+        """Standard deviation of a reading: noise and rounding [K].
+
+        From differences over a second, in which all else is small. Readings are interpolated, which leaves two thirds
+        of their variance. Less is found of what does not change within a second, as the rounding of a constant
+        temperature, and where the film lags behind the sensors, as readings are delayed like it then.
+        """
+        second = round(1.0 / BLOCK)
+        changes = self.residuals[second:] - self.residuals[:-second]
+        return math.sqrt(0.75 * float(np.mean(np.square(changes)))) if len(changes) else 0.0
 
     @property
     def at_limit(self) -> bool:

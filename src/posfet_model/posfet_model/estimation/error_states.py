@@ -213,6 +213,7 @@ class ErrorPriors:
             "leak": self.leak_calibrated,
             "pyroelectric": self.pyroelectric_calibrated,
             "scale": self.scale_calibrated,
+            "reading": max(self.reading, calibration.temperature_reading_deviation),
         }
         if calibration.temperature_sensor_lag > 0.0:
             lag = max(calibration.temperature_sensor_lag, self.lag_least)

@@ -122,6 +122,9 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
                 f"film {calibration.thermal_time_constant:.3f} s, sensors {calibration.temperature_sensor_lag:.3f} s",
             )
         )
+    if calibration.temperature_reading_deviation > 0.0:
+        deviation = 1e3 * calibration.temperature_reading_deviation
+        numbers.append(("reading of the temperature sensors", f"+-{deviation:.1f} mK"))
     if calibration.leak_per_kelvin_deviation < NOMINAL_LEAK_PER_KELVIN_DEVIATION:
         numbers.append(
             (
