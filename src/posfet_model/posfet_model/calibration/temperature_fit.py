@@ -57,12 +57,10 @@ class TemperatureFit:
 
     @property
     def reading_deviation(self) -> float:
-        """Standard deviation of a reading: noise and rounding [K].
-
-        From differences over a second, in which all else is small. Readings are interpolated, which leaves two thirds
-        of their variance. Less is found of what does not change within a second, as the rounding of a constant
-        temperature, and where the film lags behind the sensors, as readings are delayed like it then.
-        """
+        """Standard deviation of a reading: noise and rounding [K]."""
+        # From differences over a second, in which all else is small. Readings are interpolated, which leaves two thirds
+        # of their variance. Less is found of what does not change within a second, as the rounding of a constant
+        # temperature, and where the film lags behind the sensors, as readings are delayed like it then.
         second = round(1.0 / BLOCK)
         changes = self.residuals[second:] - self.residuals[:-second]
         return math.sqrt(0.75 * float(np.mean(np.square(changes)))) if len(changes) else 0.0
