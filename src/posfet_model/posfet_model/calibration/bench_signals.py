@@ -173,7 +173,8 @@ class BenchSignals:
         cover : ndarray
             Shares of the parts [1], shape [covers]; negative ones count as none.
         """
-        shares = np.maximum(cover, 0.0) / np.maximum(cover, 0.0).sum()
+        shares = np.maximum(cover, 0.0)
+        shares /= shares.sum()
         self._take_force(shares, np.einsum("i,ijk->jk", shares, self.parts))
 
     def _take_force(self, cover: Array, force: Array) -> None:

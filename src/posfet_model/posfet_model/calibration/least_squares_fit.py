@@ -180,7 +180,7 @@ def _calibration(
         temperature["temperature_reading_deviation"] = thermal.reading_deviation
         temperature["leak_per_kelvin"] = thermal.leak_per_kelvin
         temperature["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
-        film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else sensor.device.thermal_time_constant
+        film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else film_lag
         sensor_lag = film_lag - thermal.lag
     return Calibration(
         gain=gain,

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model.calibration.bench_signals import Recording
+from posfet_model.calibration.bench_signals import TAIL, Recording
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.sensor.description import Sensor
@@ -41,7 +41,7 @@ above the temperature of the presses, so that leakage that changes with temperat
 COOLING_TIME: Final = 8.0
 """Duration of the temperature's way down, up and back [s]."""
 
-PAUSE: Final = (2.0, 6.0)
+PAUSE: Final = (2.0, TAIL)
 """Rest before and after the change of temperature: at least so many seconds, and so many leakage time constants."""
 
 LIGHT_FORCE: Final = 0.05
