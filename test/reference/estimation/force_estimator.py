@@ -334,6 +334,7 @@ class ForceEstimator:
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
         self._touched_for = 0.0
+        self._usual_rate = self._greatest_touch = 0.0  # rate of the temperature before the touch; its greatest force
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
         self._unheated_touch = self._touch  # what the touch leaves that there is without the hypothesis
@@ -787,7 +788,7 @@ class ForceEstimator:
             tail_moved,
             own_noise,
             cooled,
-            (p.touch_rate**2) * abs(total - before) * max(total, before),
+            (p.touch_rate**2 + self._heating(before, total) ** 2) * abs(total - before) * max(total, before),
             self._integration.leak,
             self._leak_noise(),
             self._touch.warming,
@@ -798,6 +799,19 @@ class ForceEstimator:
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
         return block
+
+    def _heating(self, before: float, total: float) -> float:
+        """Return by how much the rate of the temperature may change as the force falls [K/s/N]."""
+        belief = self.belief
+        rate = float(belief.shared[Shared.RATE])
+        if before <= 0.0:
+            self._usual_rate = float((self._blocks[0].before if self._blocks else belief).shared[Shared.RATE])
+            self._greatest_touch = 0.0
+        self._greatest_touch = max(self._greatest_touch, total)
+        if total >= before:
+            return 0.0
+        deviation = math.sqrt(belief.covariance[Shared.RATE, Shared.RATE])
+        return max(abs(rate - self._usual_rate) - GATE * deviation, 0.0) / self._greatest_touch
 
     def _leak_noise(self) -> float:
         """Return the variance that the leak rates gain as far from the calibration's temperature as never before."""

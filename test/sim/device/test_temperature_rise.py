@@ -80,6 +80,21 @@ def test_a_release_is_not_absorbed_into_the_offset_after_its_contact_became_unce
     assert len(ids) == 1
 
 
+@pytest.mark.parametrize(("board", "pyroelectric"), [(2, 0.0), (1, 20.0)])
+def test_the_film_that_a_finger_no_longer_warms_as_it_leaves_is_no_contact(
+    board: int, pyroelectric: float, shared_calibrate: Callable[..., Calibration]
+) -> None:
+    """What untouched taxels lost was explained by the tail of the contact: up to 1.6 N, for half a second."""
+    device = perturbed(SENSOR, {"pyroelectric": pyroelectric})
+    errors = replace(ErrorModel.default(), resets_per_hour=0.0)
+    wrong = 1.0 - 0.05 * np.random.default_rng(board).standard_normal(SENSOR.layout.taxels)
+    calibration = shared_calibrate(SENSOR, board, errors)
+    reconstructor, ids = Reconstructor(SENSOR, replace(calibration, gain=calibration.gain * wrong)), set()
+    for scan, _ in received_scans(device, load_scene("warm_finger", device), 10.0, board, errors):
+        ids |= {contact.id for contact in reconstructor.process(scan).contacts}
+    assert len(ids) == 1
+
+
 @pytest.mark.parametrize("kelvin_per_second", [-2.0, -0.5, 0.25, 2.0])
 @pytest.mark.parametrize("differences", [{"lag": 30.0, "pyroelectric": -20.0}, {"lag": -30.0, "pyroelectric": 20.0}])
 def test_warming_with_model_mismatch_causes_no_contact(kelvin_per_second: float, differences: dict[str, float]) -> None:

@@ -251,7 +251,10 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const double warmer = std::max(farthest_, std::abs(integration_->block().warmer));
   block.leak_noise = square(array_.leak_temperature.deviation) * (square(warmer) - square(farthest_));
   farthest_ = warmer;
-  block.rate_noise = square(priors_.touch_rate) * changed_square(total, before);
+  const Belief& b = *belief();
+  const double earlier = (blocks_.size() == 0 ? b : blocks_[0].before).shared[kRate];
+  const double heating = heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), earlier);
+  block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before);
 }
 
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.

@@ -30,6 +30,7 @@
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/object_heating.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
 #include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
@@ -272,6 +273,7 @@ private:
   TemperatureWalk walk_;
   SteadyForce steady_force_;
   HeldForces held_forces_;
+  ObjectHeating heating_;
   RestDetector rest_;
   NegativeForceMonitor negative_;
   LowerBoundMonitor lower_bound_;
