@@ -675,6 +675,7 @@ class ReleaseDetector:
         contacts: Sequence[ArrayLike],
         mean: ArrayLike,
         course: ArrayLike,
+        rise: ArrayLike,
         touched: ArrayLike,
         variance: ArrayLike,
         noise: float,

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,6 +34,7 @@ THRESHOLD = 0.02
 TAXELS = 12
 EVERYWHERE = np.ones(TAXELS, np.bool_)
 NOWHERE = np.zeros(TAXELS, np.bool_)
+NOTHING = np.zeros(TAXELS)
 
 
 def at(value: float, *taxels: int) -> Array:
@@ -127,13 +129,17 @@ class Release:
     def __init__(self) -> None:
         self.detector = ReleaseDetector(TAXELS)
         self.variance = np.full(TAXELS, DEVIATION**2)
+        self.last = deque([np.zeros(TAXELS)] * STILL_BLOCKS, maxlen=STILL_BLOCKS)
 
     def run(self, forces: Sequence[Array], contacts: Sequence[NDArray[np.intp]] = (CONTACT,)) -> list[list[int]]:
         touched = NOWHERE.copy()
-        touched[np.concatenate(contacts)] = True
+        for contact in contacts:
+            touched[contact] = True
         found = []
         for force in forces:
-            released = self.detector.update(contacts, force, force, touched, self.variance, NOISE)
+            rise = force - self.last[0]
+            self.last.append(force)
+            released = self.detector.update(contacts, force, force, rise, touched, self.variance, NOISE)
             found.append(np.flatnonzero(released).tolist())
         return found
 
@@ -177,6 +183,22 @@ def test_a_taxel_whose_force_is_hardly_known_does_not_keep_the_contact_of_an_obj
     assert first(release.run(hold(0.4, 50))) is None, "most of the object may have stayed"
 
 
+def test_a_light_touch_where_a_strong_one_was_released_is_not_released_itself() -> None:
+    """It comes at once, where what the strong one has left comes slowly: it was judged by the peak of the other."""
+    grown = np.concatenate((CONTACT, OTHER))
+    release = Release()
+    release.run(hold(1.0, 20, grown), [grown])
+    release.run(hold(0.0, 20), ())
+    assert first(release.run(hold(DEVIATION, 100))) is None
+    assert first(release.run(hold(DEVIATION, 100, grown), [grown])) is None, "it has grown to where the strong one was"
+    release = Release()
+    release.run(hold(1.0, 20))
+    release.run(hold(0.0, 20), ())
+    slowly = [at(force, *CONTACT.tolist()) for force in np.linspace(0.0, DEVIATION, 60)]
+    release.run(slowly[:30], ())
+    assert first(release.run(slowly[30:])) is not None
+
+
 def test_a_contact_is_not_released_while_it_moves() -> None:
     falling = [at(0.015 - 0.0008 * number, *CONTACT.tolist()) for number in range(30)]
     assert first(Release().run(hold(0.1, 20) + falling)) is None
@@ -191,7 +213,7 @@ def test_motion_that_bending_hides_keeps_a_taxel_unknown_and_a_contact_listed() 
     for number in range(20):
         course = at(0.012 - 0.0005 * number, *CONTACT.tolist())
         mean = at(0.5 * DEVIATION, *CONTACT.tolist())
-        released = release.detector.update([CONTACT], mean, course, touched, release.variance, NOISE)
+        released = release.detector.update([CONTACT], mean, course, NOTHING, touched, release.variance, NOISE)
         assert not released.any()
     assert not release.detector.has_left(taxel, 0.5 * DEVIATION, NOISE)
 

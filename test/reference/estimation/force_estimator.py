@@ -587,7 +587,8 @@ class ForceEstimator:
         predicted = self._filter.predicted(block.response)
         course = block.mean - predicted + block.response[:, bends] @ self.belief.shared[bends]
         noise = math.sqrt(float(block.noise.max()))
-        released = self._release.update(contacts, self._mean, course, self._touched, variance, noise)
+        rise = block.mean - self._blocks[-1 - STILL_BLOCKS].mean if len(self._blocks) > STILL_BLOCKS else self._nothing
+        released = self._release.update(contacts, self._mean, course, rise, self._touched, variance, noise)
         if released is not None:
             # Beside a noisy taxel that still shows a force, nothing was released.
             least = np.maximum(self._threshold, GATE * np.sqrt(variance))
@@ -628,15 +629,17 @@ class ForceEstimator:
         return touched
 
     def _unreleased(self, listed: Mask) -> Mask:
-        """Return the taxels of a contact with the whole array that became uncertain, and was not released.
+        """Return the taxels of contacts that became uncertain, and were not released.
 
-        No untouched taxel shows the film's temperature: the uncertainty grows until the contact is no longer
-        significant. That is no evidence of zero forces.
+        That a contact is no longer significant is no evidence of zero forces. Of a contact with the whole array, where
+        no untouched taxel shows the film's temperature, single taxels become uncertain, too.
         """
         usable = ~self.ignored
         if np.count_nonzero(usable & ~self._touched) >= UniformChange.FEWEST:
-            return self._nowhere
-        return usable & self._touched & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
+            was = self._listed & ~self._surroundings.dilated(listed)
+        else:
+            was = self._touched
+        return usable & was & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
 
     def _observe_rest(self, listed: bool) -> None:
         """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""

@@ -65,6 +65,9 @@ RESIDUAL_MOTION: Final = 0.01
 PEAK_DECAY: Final = 0.999
 """Decay of the recent peak from block to block [1]: 20 s."""
 
+RISEN_SHARE: Final = 0.9
+"""Share of its force by which the signal of a contact that has just come has risen in the last blocks [1]."""
+
 
 class UnexplainedResiduals:
     """Taxels whose residual no state explains: they are left out until they are explained, or known to be errors.
@@ -174,13 +177,14 @@ class ReleaseDetector:
     def __init__(self, taxels: int) -> None:
         self._peak, self._object = np.zeros(taxels), np.zeros(taxels)
         self._means: deque[Array] = deque(maxlen=STILL_BLOCKS + 1)
-        self._blocks = np.zeros(taxels, np.intp)
+        self._blocks, self._touched_for = np.zeros((2, taxels), np.intp)
 
     def update(
         self,
         contacts: Sequence[NDArray[np.intp]],
         mean: Array,
         course: Array,
+        rise: Array,
         touched: Mask,
         variance: Array,
         noise: float,
@@ -195,6 +199,8 @@ class ReleaseDetector:
             Mean forces [N].
         course : ndarray of float64, shape [taxels]
             The same with the charge of bending, which moves as the forces do [N].
+        rise : ndarray of float64, shape [taxels]
+            Rise of the signals in the last blocks, as many as `STILL_BLOCKS`, whatever was corrected since [N].
         touched : ndarray of bool, shape [taxels]
             Touched taxels.
         variance : ndarray of float64, shape [taxels]
@@ -204,11 +210,15 @@ class ReleaseDetector:
         """
         self._peak *= PEAK_DECAY
         self._object *= PEAK_DECAY
+        self._touched_for = np.where(touched, self._touched_for + 1, 0)
         np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
-        for contact in contacts:
-            self._peak[contact] = self._peak[contact].max()  # one object: what is left at its edge was its, too
-            self._object[contact] = max(float(self._object[contact].max()), _total(mean[contact]))
         self._means.append(course)
+        for contact in contacts:
+            strongest, total = contact[int(np.argmax(mean[contact]))], _total(mean[contact])
+            # One object: what is left at its edge was its, too. What an earlier one has left there is not.
+            came = total < RELEASED_SHARE * self._object[strongest] and self._has_just_come(contact, mean, rise)
+            self._peak[contact] = mean[strongest] if came else self._peak[strongest]
+            self._object[contact] = total if came else max(float(self._object[strongest]), total)
         if not contacts:
             self._blocks[:] = 0
             return None
@@ -227,6 +237,11 @@ class ReleaseDetector:
         self._blocks = np.where(looks, self._blocks + 1, 0)
         released: Mask = self._blocks >= RELEASED_BLOCKS
         return released if released.any() else None
+
+    def _has_just_come(self, contact: NDArray[np.intp], mean: Array, rise: Array) -> bool:
+        """Return whether a contact has risen in the last blocks: what a released one leaves is slow."""
+        rested = not (self._touched_for[contact] > STILL_BLOCKS).any()
+        return rested and float(rise[contact].sum()) > RISEN_SHARE * _total(mean[contact])
 
     def restart(self) -> None:
         """Forget the last blocks: an unknown time has passed since."""

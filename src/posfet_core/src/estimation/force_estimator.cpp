@@ -535,13 +535,12 @@ bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
   }
-  if (untouched >= kFewestForUniform) {
-    return false;
-  }
+  const bool whole = untouched < kFewestForUniform;
   surroundings_.dilate(listed, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const bool was = whole ? touched_[taxel] : listed_[taxel] && !chosen_[taxel];
     const bool held = state().sum[taxel] > integration_->block().scans * array_.threshold;
-    if (held && touched_[taxel] && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
+    if (held && was && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
       listed[taxel] = true;
       if (!chosen_[taxel]) {  // else it is part of that contact, and is released with it
         lost.push_back(static_cast<Taxel>(taxel));

@@ -548,8 +548,14 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
     const double* response = block.response.data() + taxel * kSharedStates;
     course[taxel] = block.mean[taxel] - course[taxel] + dot(response + kBend, belief()->shared.data() + kBend, kBends);
   }
+  std::vector<double>& rise = deviation_;
+  const bool known = blocks_.size() > ReleaseDetector::kStillBlocks;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    rise[taxel] =
+        known ? block.mean[taxel] - blocks_[blocks_.size() - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
+  }
   const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
-  if (!release_.update(contacts, mean_.data(), course.data(), touched_.data(), variance.data(), noise,
+  if (!release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(), variance.data(), noise,
                        chosen_.data()) ||
       !drop_shown(variance)) {
     return;

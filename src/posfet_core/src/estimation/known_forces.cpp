@@ -78,29 +78,35 @@ ReleaseDetector::ReleaseDetector(std::size_t taxels)
     : peak_(taxels, 0.0),
       object_(taxels, 0.0),
       means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)),
+      touched_for_(taxels, 0),
       blocks_(taxels, 0) {}
 
 bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const double* course,
-                             const bool* touched, const double* variance, double noise, bool* released) {
+                             const double* rise, const bool* touched, const double* variance, double noise,
+                             bool* released) {
   const std::size_t taxels = peak_.size();
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     peak_[taxel] = std::max(kPeakDecay * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
     object_[taxel] *= kPeakDecay;
+    touched_for_[taxel] = touched[taxel] ? touched_for_[taxel] + 1 : 0;
   }
   means_[seen_ % means_.size()].assign(course, course + taxels);
   ++seen_;
   for (const Taxels* contact : contacts) {
-    double greatest = 0.0;  // one object: what is left at its edge was its, too
     double total = 0.0;
-    double object = 0.0;
-    for (const Taxel taxel : *contact) {
-      greatest = std::max(greatest, peak_[static_cast<std::size_t>(taxel)]);
+    std::size_t strongest = contact->empty() ? 0 : static_cast<std::size_t>(contact->front());
+    for (const Taxel each : *contact) {
+      const auto taxel = static_cast<std::size_t>(each);
       total += mean[taxel];
-      object = std::max(object, object_[static_cast<std::size_t>(taxel)]);
+      strongest = mean[taxel] > mean[strongest] ? taxel : strongest;
     }
+    // One object: what is left at its edge was its, too. What an earlier one has left there is not.
+    const bool came = total < kReleasedShare * object_[strongest] && has_just_come(*contact, mean, rise);
+    const double peak = came ? mean[strongest] : peak_[strongest];
+    const double object = came ? total : std::max(object_[strongest], total);
     for (const Taxel taxel : *contact) {
-      peak_[static_cast<std::size_t>(taxel)] = greatest;
-      object_[static_cast<std::size_t>(taxel)] = std::max(object, total);
+      peak_[static_cast<std::size_t>(taxel)] = peak;
+      object_[static_cast<std::size_t>(taxel)] = object;
     }
   }
   std::fill(released, released + taxels, false);
@@ -117,6 +123,19 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
     any = any || released[taxel];
   }
   return any;
+}
+
+bool ReleaseDetector::has_just_come(const Taxels& contact, const double* mean, const double* rise) const {
+  double total = 0.0;
+  double risen = 0.0;
+  bool rested = true;
+  for (const Taxel each : contact) {
+    const auto taxel = static_cast<std::size_t>(each);
+    total += mean[taxel];
+    risen += rise[taxel];
+    rested = rested && touched_for_[taxel] <= kStillBlocks;
+  }
+  return rested && risen > kRisenShare * total;
 }
 
 bool ReleaseDetector::has_left(std::size_t taxel, double mean, double noise) const {

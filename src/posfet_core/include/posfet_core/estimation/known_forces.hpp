@@ -101,16 +101,20 @@ public:
   /// Decay of the recent peak from block to block [1]: 20 s.
   static constexpr double kPeakDecay = 0.999;
 
+  /// Share of its force by which the signal of a contact has risen in the last blocks at least if it has just come [1]:
+  /// what a released one leaves rises slowly.
+  static constexpr double kRisenShare = 0.9;
+
   explicit ReleaseDetector(std::size_t taxels);
 
   std::size_t taxels() const { return peak_.size(); }
 
   /// Process a block: the taxels of each contact, mean forces [N], the same with the charge of bending, which moves as
-  /// the forces do: as the bending becomes known, it would hide that they move [N]; touched taxels, the variances of
-  /// the forces [N2], and the standard deviation of a mean [N]. The taxels of released contacts are marked; returns
-  /// whether there are any.
-  bool update(const Vector<const Taxels*>& contacts, const double* mean, const double* course, const bool* touched,
-              const double* variance, double noise, bool* released);
+  /// the forces do: as the bending becomes known, it would hide that they move [N]; by how much the signals rose in the
+  /// last `kStillBlocks`, whatever was corrected since [N]; touched taxels, the variances of the forces [N2], and the
+  /// standard deviation of a mean [N]. The taxels of released contacts are marked; returns whether there are any.
+  bool update(const Vector<const Taxels*>& contacts, const double* mean, const double* course, const double* rise,
+              const bool* touched, const double* variance, double noise, bool* released);
 
   /// Whether nothing touches a taxel that was touched, and is in no contact: its force has hardly changed in the last
   /// blocks, against the standard deviation of a mean [N] and its recent peak, or the `mean` of the block that comes
@@ -121,6 +125,8 @@ public:
   void restart() { seen_ = 0; }
 
 private:
+  bool has_just_come(const Taxels& contact, const double* mean, const double* rise) const;
+
   bool looks_released(const Taxels& contact, const double* mean, const double* course, const double* variance,
                       double noise) const;
 
@@ -128,6 +134,7 @@ private:
   std::vector<double> object_;              ///< Recent peak of the total force of the contact that it was in [N].
   std::vector<std::vector<double>> means_;  ///< Means of the last blocks with the charge of bending, in turn [N].
   std::size_t seen_ = 0;                    ///< Number of blocks.
+  std::vector<std::size_t> touched_for_;    ///< Number of blocks for which a taxel has been touched.
   std::vector<int> blocks_;                 ///< Number of blocks for which the contact of a taxel has looked released.
 };
 
