@@ -958,11 +958,12 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        kept = math.exp(-block.moved_share)
+        # As the forces beside the contact change, the tail does by as much as it is.
+        forgotten = block.moved_share + 0.5 * self._tail_spread() ** 2 / UNKNOWN_TAIL * block.tail_moved
+        kept = math.exp(-forgotten)
         matrix[Shared.TAIL, Shared.TAIL] = kept
         after[Shared.TAIL] = p.tail + kept * (belief.shared[Shared.TAIL] - p.tail)
-        walked = self._tail_spread() ** 2 * block.tail_moved
-        noise[Shared.TAIL, Shared.TAIL] = walked + (1.0 - kept**2) * UNKNOWN_TAIL
+        noise[Shared.TAIL, Shared.TAIL] = (1.0 - kept**2) * UNKNOWN_TAIL
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
         thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]

@@ -165,10 +165,12 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span);
-  const double kept = std::exp(-block.moved_share);
+  // As the forces beside the contact change, the tail does by as much as it is.
+  const double forgotten = block.moved_share + 0.5 * square(spread) / kUnknownTail * block.tail_moved;
+  const double kept = std::exp(-forgotten);
   shared.matrix[kTail * kSharedStates + kTail] = kept;
   shared.after[kTail] = priors_.tail + kept * (b.shared[kTail] - priors_.tail);
-  shared.noise[kTail * kSharedStates + kTail] = square(spread) * block.tail_moved + (1.0 - square(kept)) * kUnknownTail;
+  shared.noise[kTail * kSharedStates + kTail] = (1.0 - square(kept)) * kUnknownTail;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
   for (const std::size_t state : {kChip, kFilm, kSensor}) {
