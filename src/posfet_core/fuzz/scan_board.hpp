@@ -50,6 +50,7 @@ inline ErrorPriors priors() {
   given.rate_change = 3.0;
   given.slow_rate = 3.0;
   given.touch_rate = 0.01;
+  given.warming_share = 0.25;
   given.chip_times = {0.1, 1.0, 10.0};
   given.chip_warming = {0.01, 0.02, 0.02};
   given.fastest = 3.0;

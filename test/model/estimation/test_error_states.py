@@ -278,7 +278,7 @@ def test_what_an_object_warms_the_chip_by_is_expected_as_calibrated() -> None:
     priors, times, sizes = ErrorPriors(), np.array([1.0, 3.0, 10.0]), np.array([0.0, 0.03, 0.02])
     known = priors.with_calibration(calibration(chip_warming_time_constants=times, chip_warming=sizes))
     assert (known.chip_times, known.chip_warming) == (tuple(times), tuple(sizes))
-    assert known.touch_rate == pytest.approx(math.hypot(priors.touch_rate_calibrated, priors.touch_rate_share * 0.012))
+    assert known.touch_rate == priors.touch_rate_calibrated
     none = priors.with_calibration(calibration(chip_warming_time_constants=times, chip_warming=np.zeros(3)))
     assert none.touch_rate == priors.touch_rate_calibrated
     assert priors.with_calibration(calibration()).touch_rate == priors.touch_rate  # a file that does not say

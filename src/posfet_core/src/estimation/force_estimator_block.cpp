@@ -47,8 +47,10 @@ constexpr double kPlay = 4.0;
 constexpr double kSharePlay = 2e-3;
 constexpr double kGreatestSharePlay = 0.02;
 
-/// Product of two changes of a force: of its change, and of the greater one of both.
-double changed_square(double now, double before) { return std::abs(now - before) * std::max(now, before); }
+/// Product of the change of a value and of the greater one of both.
+double changed_square(double now, double before) {
+  return std::abs(now - before) * std::max(std::abs(now), std::abs(before));
+}
 
 }  // namespace
 
@@ -248,13 +250,15 @@ void ForceEstimator::measure_process_noise(Block& block) {
   }
   block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
   // As far from the temperature of the calibration as never before.
-  const double warmer = std::max(farthest_, std::abs(integration_->block().warmer));
-  block.leak_noise = square(array_.leak_temperature.deviation) * (square(warmer) - square(farthest_));
-  farthest_ = warmer;
+  const double farther = std::max(farthest_, std::abs(integration_->block().warmer));
+  block.leak_noise = square(array_.leak_temperature.deviation) * (square(farther) - square(farthest_));
+  farthest_ = farther;
   const Belief& b = *belief();
   const double earlier = (blocks_.size() == 0 ? b : blocks_[0].before).shared[kRate];
   const double heating = heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), earlier);
-  block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before);
+  block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before) +
+                     square(priors_.warming_share) * changed_square(block.warming, warming_);
+  warming_ = block.warming;
 }
 
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.

@@ -460,13 +460,14 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 31> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 32> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
       {"rate_change", &ErrorPriors::rate_change},
       {"slow_rate", &ErrorPriors::slow_rate},
       {"touch_rate", &ErrorPriors::touch_rate},
+      {"warming_share", &ErrorPriors::warming_share},
       {"fastest", &ErrorPriors::fastest},
       {"lag", &ErrorPriors::lag},
       {"lag_spread", &ErrorPriors::lag_spread},

@@ -99,9 +99,9 @@ class ErrorPriors:
     touch_rate: float = 0.01
     """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""
     touch_rate_calibrated: float = 0.015
-    """The same with calibration [K/s/N], where bending is known: the rest of a common change is temperature, and"""
-    touch_rate_share: float = 0.25
-    """as a share of what is expected [1]."""
+    """The same with calibration [K/s/N], where bending is known: the rest of a common change is temperature."""
+    warming_share: float = 0.25
+    """Error of the rate at which an object is expected to warm the chip, as that rate changes [1]."""
     chip_times: tuple[float, ...] = (0.1, 1.0, 10.0)
     """Time constants with which an object warms the chip [s], and"""
     chip_warming: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -228,9 +228,8 @@ class ErrorPriors:
                 found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
         if len(calibration.chip_warming):
             sizes, times = calibration.chip_warming.tolist(), calibration.chip_warming_time_constants.tolist()
-            rate = sum(size / each for size, each in zip(sizes, times, strict=True))
             found |= {"chip_warming": tuple(sizes), "chip_times": tuple(times)}
-            found["touch_rate"] = math.hypot(self.touch_rate_calibrated, self.touch_rate_share * rate)
+            found["touch_rate"] = self.touch_rate_calibrated
         if len(calibration.bending):
             sizes, deviations = calibration.bending.tolist(), calibration.bending_deviation.tolist()
             change = self.bend_share * max(map(abs, sizes))

@@ -31,6 +31,7 @@ struct ErrorPriors {
   double rate_change;
   double slow_rate;
   double touch_rate;
+  double warming_share;
   std::array<double, kWarmings> chip_times;
   std::array<double, kWarmings> chip_warming;
   double fastest;
