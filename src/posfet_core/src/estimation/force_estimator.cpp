@@ -527,9 +527,10 @@ void ForceEstimator::find_touched(Block& block) {
   }
 }
 
-/// Add to the listed taxels those of a contact with the whole array that became uncertain, and was not released; those
-/// that are not beside a listed contact are `lost`. Returns whether there are any. No untouched taxel shows the film's
-/// temperature: the uncertainty grows until the contact is no longer significant. That is no evidence of zero forces.
+/// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a
+/// listed contact are `lost`. Returns whether there are any. That a contact is no longer significant is no evidence of
+/// zero forces. Of one with the whole array, where no untouched taxel shows the film's temperature, single taxels
+/// become uncertain before the others.
 bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
   std::size_t untouched = 0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

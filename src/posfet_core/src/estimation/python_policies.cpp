@@ -24,6 +24,7 @@
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/object_heating.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
 #include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
@@ -400,6 +401,13 @@ void bind_release(const py::module_& module) {
   bound.attr("PEAK_DECAY") = ReleaseDetector::kPeakDecay;
 }
 
+void bind_object_heating(const py::module_& module) {
+  py::class_<ObjectHeating>(module, "ObjectHeating", "Follows how an object has changed the rate of the temperature.")
+      .def(py::init())
+      .def("update", &ObjectHeating::update, py::arg("before"), py::arg("force"), py::arg("rate"), py::arg("deviation"),
+           py::arg("earlier"), "Process a block; return by how much the rate may change as the force falls [K/s/N].");
+}
+
 void bind_uniform(const py::module_& module) {
   py::class_<UniformChange> bound(module, "UniformChange", "Hypothesis that all taxels changed with the film.");
   bound
@@ -537,6 +545,7 @@ void bind_estimation_parts(py::module_& module) {
   bind_validity(module);
   bind_residuals(module);
   bind_release(module);
+  bind_object_heating(module);
   bind_uniform(module);
   bind_steady_force(module);
   bind_signal_steps(module);
