@@ -93,21 +93,7 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
   means_[seen_ % means_.size()].assign(course, course + taxels);
   ++seen_;
   for (const Taxels* contact : contacts) {
-    double total = 0.0;
-    std::size_t strongest = contact->empty() ? 0 : static_cast<std::size_t>(contact->front());
-    for (const Taxel each : *contact) {
-      const auto taxel = static_cast<std::size_t>(each);
-      total += mean[taxel];
-      strongest = mean[taxel] > mean[strongest] ? taxel : strongest;
-    }
-    // One object: what is left at its edge was its, too. What an earlier one has left there is not.
-    const bool came = total < kReleasedShare * object_[strongest] && has_just_come(*contact, mean, rise);
-    const double peak = came ? mean[strongest] : peak_[strongest];
-    const double object = came ? total : std::max(object_[strongest], total);
-    for (const Taxel taxel : *contact) {
-      peak_[static_cast<std::size_t>(taxel)] = peak;
-      object_[static_cast<std::size_t>(taxel)] = object;
-    }
+    follow(*contact, mean, rise);
   }
   std::fill(released, released + taxels, false);
   for (const Taxels* contact : contacts) {
@@ -123,6 +109,25 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
     any = any || released[taxel];
   }
   return any;
+}
+
+/// Follow the peaks of a contact. It is one object: what is left at its edge was its, too. What an earlier one has left
+/// there is not.
+void ReleaseDetector::follow(const Taxels& contact, const double* mean, const double* rise) {
+  double total = 0.0;
+  std::size_t strongest = contact.empty() ? 0 : static_cast<std::size_t>(contact.front());
+  for (const Taxel each : contact) {
+    const auto taxel = static_cast<std::size_t>(each);
+    total += mean[taxel];
+    strongest = mean[taxel] > mean[strongest] ? taxel : strongest;
+  }
+  const bool came = total < kReleasedShare * object_[strongest] && has_just_come(contact, mean, rise);
+  const double peak = came ? mean[strongest] : peak_[strongest];
+  const double object = came ? total : std::max(object_[strongest], total);
+  for (const Taxel taxel : contact) {
+    peak_[static_cast<std::size_t>(taxel)] = peak;
+    object_[static_cast<std::size_t>(taxel)] = object;
+  }
 }
 
 bool ReleaseDetector::has_just_come(const Taxels& contact, const double* mean, const double* rise) const {

@@ -125,6 +125,8 @@ public:
   void restart() { seen_ = 0; }
 
 private:
+  void follow(const Taxels& contact, const double* mean, const double* rise);
+
   bool has_just_come(const Taxels& contact, const double* mean, const double* rise) const;
 
   bool looks_released(const Taxels& contact, const double* mean, const double* course, const double* variance,
