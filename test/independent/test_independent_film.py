@@ -273,19 +273,22 @@ def test_what_is_beside_ridges_that_move_does_not_cool_the_film() -> None:
 
 
 @pytest.mark.slow
-def test_temperature_sensors_may_be_read_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    # What a sensor showed a second ago was what it shows now: 15 % wrong, 15 % of the totals covered, 17 % misled.
-    monkeypatch.setattr("independent.film.SENSOR_RATE", 1.0)
-    board = Board(SENSOR, rows()["moderate"].effects, 15)
-    verdict = judge(board, calibrate(board, "gauss"), "gauss", scenes()["overload"])
-    assert not verdict.failures(Limits(None, 90.0, 2.0)), verdict
-
-
-@pytest.mark.slow
-def test_how_the_chip_cools_after_a_strong_touch_is_no_warmth_of_its_taxels(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Cooling by 20 mK/s more than expected halved the warmth: 73 % of the totals covered, 15 % misled.
-    monkeypatch.setattr("independent.film.SENSOR_STEP", 1.0 / 64.0)
-    board = Board(SENSOR, replace(rows()["moderate"].effects, warmth_force=0.016), 1)
+@pytest.mark.parametrize(
+    ("constant", "value", "number", "changes"),
+    [
+        # What a sensor showed a second ago was what it shows now: 15 % wrong, 15 % of the totals covered, 17 % misled.
+        pytest.param("SENSOR_RATE", 1.0, 15, {}, id="read once a second"),
+        # Readings with 20 mK of noise were believed to 3.5 mK: 11 % wrong, 31 % of the totals covered, 12 % misled.
+        pytest.param("SENSOR_NOISE", 0.02, 1, {}, id="noisy"),
+        # Cooling by 20 mK/s more than expected halved the warmth: 73 % of the totals covered, 15 % misled.
+        pytest.param("SENSOR_STEP", 1.0 / 64.0, 1, {"warmth_force": 0.016}, id="coarse"),
+    ],
+)
+def test_a_light_touch_after_a_strong_one_is_right_with_poor_temperature_sensors(
+    constant: str, value: float, number: int, changes: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"independent.film.{constant}", value)
+    board = Board(SENSOR, replace(rows()["moderate"].effects, **changes), number)
     verdict = judge(board, calibrate(board, "gauss"), "gauss", scenes()["overload"])
     assert not verdict.failures(Limits(None, 90.0, 2.0)), verdict
 
@@ -295,15 +298,6 @@ def test_a_light_touch_that_became_uncertain_after_a_strong_one_is_not_released(
     # 0.1 N were zero after 1.6 s, valid: 51 % of the totals covered, 46 % misled.
     board, calibration = calibrated("moderate", 8, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()["overload"])
-    assert not verdict.failures(Limits(None, 90.0, 2.0)), verdict
-
-
-@pytest.mark.slow
-def test_temperature_sensors_may_be_noisy(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Readings with 20 mK of noise were believed to 3.5 mK: 11 % wrong, 31 % of the totals covered, 12 % misled.
-    monkeypatch.setattr("independent.film.SENSOR_NOISE", 0.02)
-    board = Board(SENSOR, rows()["moderate"].effects, 1)
-    verdict = judge(board, calibrate(board, "gauss"), "gauss", scenes()["overload"])
     assert not verdict.failures(Limits(None, 90.0, 2.0)), verdict
 
 

@@ -334,7 +334,6 @@ class ForceEstimator:
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
         self._touched_for = 0.0
-        self._warming = 0.0  # rate at which the touch is expected to warm the chip [K/s]
         self._usual_rate = self._greatest_touch = 0.0  # rate of the temperature before the touch; its greatest force
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
@@ -792,7 +791,7 @@ class ForceEstimator:
             tail_moved,
             own_noise,
             cooled,
-            self._rate_noise(before, total),
+            self._rate_noise(before, total, touch_before.warming),
             self._integration.leak,
             self._leak_noise(),
             self._touch.warming,
@@ -804,10 +803,9 @@ class ForceEstimator:
             self._reading, self._unread = math.nan, 0.0
         return block
 
-    def _rate_noise(self, before: float, total: float) -> float:
+    def _rate_noise(self, before: float, total: float, warmed_by: float) -> float:
         """Return the variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
-        warming, warmed_by = self._touch.warming, self._warming
-        self._warming = warming
+        warming = self._touch.warming
         by_force = self._priors.touch_rate**2 + self._heating(before, total) ** 2
         expected = self._priors.warming_share**2 * abs(warming - warmed_by) * max(abs(warming), abs(warmed_by))
         return by_force * abs(total - before) * max(total, before) + expected

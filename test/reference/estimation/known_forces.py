@@ -216,7 +216,7 @@ class ReleaseDetector:
         for contact in contacts:
             strongest, total = contact[int(np.argmax(mean[contact]))], _total(mean[contact])
             # One object: what is left at its edge was its, too. What an earlier one has left there is not.
-            came = total < RELEASED_SHARE * self._object[strongest] and self._has_just_come(contact, mean, rise)
+            came = total < RELEASED_SHARE * self._object[strongest] and self._has_just_come(contact, total, rise)
             self._peak[contact] = mean[strongest] if came else self._peak[strongest]
             self._object[contact] = total if came else max(float(self._object[strongest]), total)
         if not contacts:
@@ -238,10 +238,10 @@ class ReleaseDetector:
         released: Mask = self._blocks >= RELEASED_BLOCKS
         return released if released.any() else None
 
-    def _has_just_come(self, contact: NDArray[np.intp], mean: Array, rise: Array) -> bool:
+    def _has_just_come(self, contact: NDArray[np.intp], total: float, rise: Array) -> bool:
         """Return whether a contact has risen in the last blocks: what a released one leaves is slow."""
         rested = not (self._touched_for[contact] > STILL_BLOCKS).any()
-        return rested and float(rise[contact].sum()) > RISEN_SHARE * _total(mean[contact])
+        return rested and float(rise[contact].sum()) > RISEN_SHARE * total
 
     def restart(self) -> None:
         """Forget the last blocks: an unknown time has passed since."""

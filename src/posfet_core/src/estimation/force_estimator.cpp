@@ -532,6 +532,9 @@ void ForceEstimator::find_touched(Block& block) {
 /// zero forces. Of one with the whole array, where no untouched taxel shows the film's temperature, single taxels
 /// become uncertain before the others.
 bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
+  if (!touched_.any()) {
+    return false;
+  }
   std::size_t untouched = 0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;

@@ -257,8 +257,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const double earlier = (blocks_.size() == 0 ? b : blocks_[0].before).shared[kRate];
   const double heating = heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), earlier);
   block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before) +
-                     square(priors_.warming_share) * changed_square(block.warming, warming_);
-  warming_ = block.warming;
+                     square(priors_.warming_share) * changed_square(block.warming, block.touch_before.warming());
 }
 
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.

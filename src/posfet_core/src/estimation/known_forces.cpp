@@ -121,7 +121,7 @@ void ReleaseDetector::follow(const Taxels& contact, const double* mean, const do
     total += mean[taxel];
     strongest = mean[taxel] > mean[strongest] ? taxel : strongest;
   }
-  const bool came = total < kReleasedShare * object_[strongest] && has_just_come(contact, mean, rise);
+  const bool came = total < kReleasedShare * object_[strongest] && has_just_come(contact, total, rise);
   const double peak = came ? mean[strongest] : peak_[strongest];
   const double object = came ? total : std::max(object_[strongest], total);
   for (const Taxel taxel : contact) {
@@ -130,13 +130,11 @@ void ReleaseDetector::follow(const Taxels& contact, const double* mean, const do
   }
 }
 
-bool ReleaseDetector::has_just_come(const Taxels& contact, const double* mean, const double* rise) const {
-  double total = 0.0;
+bool ReleaseDetector::has_just_come(const Taxels& contact, double total, const double* rise) const {
   double risen = 0.0;
   bool rested = true;
   for (const Taxel each : contact) {
     const auto taxel = static_cast<std::size_t>(each);
-    total += mean[taxel];
     risen += rise[taxel];
     rested = rested && touched_for_[taxel] <= kStillBlocks;
   }

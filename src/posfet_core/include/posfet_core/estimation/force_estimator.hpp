@@ -303,7 +303,6 @@ private:
   bool hot_ = false;                       ///< Whether this or the last touch has shown a hot film.
   bool shown_hot_ = false;                 ///< Whether the present one has.
   double touched_for_ = 0.0;               ///< How long it has lasted [s].
-  double warming_ = 0.0;                   ///< Rate at which the touch is expected to warm the chip [K/s].
   double doubt_ = 0.0;                     ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].

@@ -127,7 +127,7 @@ public:
 private:
   void follow(const Taxels& contact, const double* mean, const double* rise);
 
-  bool has_just_come(const Taxels& contact, const double* mean, const double* rise) const;
+  bool has_just_come(const Taxels& contact, double total, const double* rise) const;
 
   bool looks_released(const Taxels& contact, const double* mean, const double* course, const double* variance,
                       double noise) const;
