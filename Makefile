@@ -25,7 +25,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := bringup
 .PHONY: bringup test test-cortex-m test-vm check sanitize soak bench fronts accuracy stability figures screenshots parameters wheel protocol reference docs setup build clean distclean
 
-VARIABLES := ARGS FOR FULL ONLY SCANS SCENE SOURCE STEPS WEB
+VARIABLES := ARGS FOR FULL ONLY PYTHON SCANS SCENE SOURCE STEPS WEB
 given := $(foreach variable,$(.VARIABLES),$(if $(filter command,$(origin $(variable))),$(variable)))
 unknown := $(firstword $(filter-out $(VARIABLES),$(given)))
 ifneq ($(unknown),)

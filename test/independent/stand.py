@@ -42,7 +42,7 @@ LIGHT_FORCE: Final = 0.25
 READING_RATE: Final = 200.0
 """Readings of the load cell per second [Hz]; docs/contacts.md asks for 100 or more."""
 READING_NOISE: Final = 1e-3
-"""Standard deviation of a reading of the load cell [N]: docs/contacts.md mentions millinewtons."""
+"""Standard deviation of a reading of the load cell [N], assumed."""
 CLOCK_DELAY: Final = 0.012
 """Delay of the clock of the stand [s], assumed; docs/contacts.md allows half a second."""
 _RISE: Final = 0.1

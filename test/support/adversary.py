@@ -308,7 +308,7 @@ class Judge:
         if not self._fd and self._is_in_lie(self._link.clock.now):
             self.findings.mixed += 1
             return
-        self.findings.fail("torn", self._at(scan, "was never sampled"))
+        self.findings.fail("never sampled", self._at(scan, "was never sampled"))
 
     def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
         found, now = self.findings, self._link.clock.now

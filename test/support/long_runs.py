@@ -79,7 +79,7 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
     return {
         "sent": board.decoder.sequence + 1 - first,
         "published": board.decoder.scans,
-        "torn": statistics.incomplete_scans,
+        "incomplete": statistics.incomplete_scans,
         "lost": statistics.lost_scans,
         "reopened": board.bus.opened - 1,
         "restarted": board.restarted,
@@ -221,7 +221,7 @@ def main() -> None:
         if options.scans:
             counts = scans_under_faults(options.scans, fd, options.seed)
             print(name, counts, f"{time.monotonic() - begin:.0f} s", flush=True)
-            assert counts["sent"] == counts["published"] + counts["torn"] + counts["lost"]
+            assert counts["sent"] == counts["published"] + counts["incomplete"] + counts["lost"]
             begin = time.monotonic()
             counts = scans_under_faults(options.scans // 10, fd, options.seed, COUNTED + NEW_SEQUENCE)
             print(name, "with resets", counts, f"{time.monotonic() - begin:.0f} s", flush=True)

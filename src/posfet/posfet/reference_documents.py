@@ -81,20 +81,25 @@ def services(folder: Path = INTERFACES) -> str:
 
 
 def _interface(text: str) -> list[str]:
-    """Return introduction, constants and fields of one interface, or of one half of a service."""
-    introduction: list[str] = []
-    rows: list[list[str]] = []
-    for line in text.splitlines():
-        code, _, comment = (part.strip() for part in line.partition("#"))
-        if found := re.fullmatch(r"(\S+)\s+(\w+)(?:\s*=\s*(\S+))?", code):
-            rows.append([f"`{found[2]}`", found[1] + (f" = {found[3]}" if found[3] else ""), comment])
-        elif comment and rows and line[:1].isspace():
-            rows[-1][2] += f" {comment}"
-        elif comment:
-            introduction.append(comment)
-    table = ["| field | type | meaning |", "|---|---|---|"]
-    table += [f"| {' | '.join(map(_escaped, row))} |" for row in rows]
-    return [part for part in (" ".join(introduction), "\n".join(table) if rows else "") if part]
+    """Return introduction, constants and fields of one interface, or of one half of a service, by paragraphs."""
+    parts: list[str] = []
+    for paragraph in text.split("\n\n"):
+        introduction: list[str] = []
+        rows: list[list[str]] = []
+        for line in paragraph.splitlines():
+            code, _, comment = (part.strip() for part in line.partition("#"))
+            if found := re.fullmatch(r"(\S+)\s+(\w+)(?:\s*=\s*(\S+))?", code):
+                rows.append([f"`{found[2]}`", found[1] + (f" = {found[3]}" if found[3] else ""), comment])
+            elif comment and rows and line[:1].isspace():
+                rows[-1][2] += f" {comment}"
+            elif comment:
+                introduction.append(comment)
+        if introduction:
+            parts.append(" ".join(introduction))
+        if rows:
+            table = ["| field | type | meaning |", "|---|---|---|"]
+            parts.append("\n".join([*table, *(f"| {' | '.join(map(_escaped, row))} |" for row in rows)]))
+    return parts
 
 
 def _escaped(cell: str) -> str:
