@@ -497,6 +497,18 @@ def scenes() -> dict[str, Scene]:
             ),
         ),
         Scene(
+            "pad_slower",
+            45.0,
+            tuple(
+                Touch(shape, _press(begin, begin + 9.0, 2.0, 4.0), ((0.0, x),), ((0.0, 0.0),))
+                for shape, begin, x in (
+                    (rectangle(6.8 * mm, 6.8 * mm), 2.0, 0.0),
+                    (rigid_punch(6.0 * mm, 6.5 * mm), 15.0, 0.2 * mm),
+                    (rectangle(6.8 * mm, 6.8 * mm), 27.0, 0.0),
+                )
+            ),
+        ),
+        Scene(
             "slow",
             22.0,
             (

@@ -159,6 +159,14 @@ def test_a_pad_that_follows_another_is_not_taken_for_a_drift_of_the_chip() -> No
     assert verdict.misleading < 5.0
 
 
+def test_a_pad_that_presses_the_whole_array_within_four_seconds_is_no_colder_film() -> None:
+    # Zeros of all taxels made a film of its force that cools, whatever the sensors showed: 48 % of it were missing.
+    board, calibration = calibrated("moderate", BOARD, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["pad_slower"])
+    assert verdict.error < 20.0
+    assert verdict.total > 85.0
+
+
 def test_a_light_touch_is_not_valid_while_warmth_may_hide_it() -> None:
     # 0.2 N within 10 s: no contact lists it for six seconds, and the filter knows nothing of what it warms.
     board, calibration = calibrated("moderate", BOARD, "gauss")

@@ -305,21 +305,6 @@ class ForceErrorFilter:
         variance: Array = np.einsum("ij,ij->i", sensitivity @ self.belief.covariance, sensitivity)
         return variance
 
-    def own_deviation(self, deviation: Array, sensitivity: Array, noise: Array) -> Array:
-        """Return the deviation of residuals without what the shared states contribute [N], shape [taxels].
-
-        Parameters
-        ----------
-        deviation : ndarray of float64, shape [taxels]
-            Expected deviations of the residuals, as from `innovation` [N].
-        sensitivity : ndarray of float64, shape [taxels, shared]
-            Their sensitivities g.
-        noise : ndarray of float64, shape [taxels]
-            Variance R of each measurement, the least that is left [N2].
-        """
-        own: Array = np.sqrt(np.maximum(deviation**2 - self.shared_variance(sensitivity), noise))
-        return own
-
     def predicted(self, response: Array) -> Array:
         """Return the errors of the forces for given responses to the shared states [N], shape [taxels]."""
         b = self.belief

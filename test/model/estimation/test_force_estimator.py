@@ -321,6 +321,22 @@ def test_a_touch_since_before_the_start_is_not_valid_until_its_release_and_leave
     assert np.abs(errors[2200:]).max() < 0.1
 
 
+def test_what_no_force_is_must_be_shown_again_by_a_filter_that_diverged() -> None:
+    watch = Watch()
+    watch.estimator.touch_at_start = True
+    stream = scans(SENSOR, 4.0)
+    for time, scan in islice(stream, 1000):
+        watch.process(time, scan)
+    watch.estimator.tare(forced=True)
+    for time, scan in islice(stream, 1000):
+        watch.process(time, scan)
+    assert watch.valid[-1]
+    watch.estimator.belief.own[:, 0, 0] = math.nan
+    for time, scan in stream:
+        watch.process(time, scan)
+    assert not any(watch.valid[2020:])
+
+
 @pytest.mark.parametrize("hold", [1.0, 3.0])
 def test_what_a_hot_object_hides_is_not_valid_and_leaves_no_force(hold: float) -> None:
     """Its warmth is twice its force: below zero, it counted as released; and its warmth, as it left, as a touch."""
@@ -451,6 +467,36 @@ def test_a_saturated_taxel_becomes_less_certain_by_what_may_have_leaked() -> Non
     lost = 0.1 * signal / SENSOR.device.leak_time_constant
     assert after[MIDDLE] >= math.hypot(before[MIDDLE], 0.9 * lost)
     assert after[MIDDLE + 1] < 1.1 * before[MIDDLE + 1] + 1e-3
+
+
+def test_what_leaked_unseen_as_a_touch_began_counts_though_its_blocks_are_processed_again() -> None:
+    def hit(clipped: bool) -> tuple[NDArray[np.float64], float]:
+        watch, lost = Watch(), 0.0
+        one = np.arange(TAXELS) == MIDDLE
+        for time, scan in scans(SENSOR, 1.2, force=press(1.0, 1.0, 60.0), shape=PATCH):
+            watch.process(time, scan)
+            if 1000 < round(time * 1000) <= 1020 and clipped:
+                lost += 5.0 * watch.estimator.residual_charge[MIDDLE] * 1e-3 / SENSOR.device.leak_time_constant
+                watch.estimator.integration.clip(one, 5e-3)
+            if round(time * 1000) == 990:
+                before = watch.estimator.processed_again
+            if round(time * 1000) == 1060:
+                assert watch.estimator.processed_again > before
+                return watch.deviation(), lost
+        raise AssertionError("no such scan")
+
+    (with_it, lost), (without, _) = hit(True), hit(False)
+    assert lost > 0.01
+    assert with_it[MIDDLE] >= math.hypot(without[MIDDLE], 0.9 * lost)
+
+
+def test_a_whole_array_that_is_pressed_is_valid_whatever_a_taxel_was_before() -> None:
+    watch = Watch()
+    for time, scan in scans(SENSOR, 2.0, force=press(20.0, 1.0, 60.0, rise=0.001), shape=np.full(TAXELS, 1 / TAXELS)):
+        if 0.98 <= time < 1.0:
+            scan.counts[CORNER] -= 20 * STEP  # below zero, for a block
+        watch.process(time, scan)
+    assert all(watch.valid[1200:])
 
 
 def test_the_variance_without_a_touch_is_the_whole_one_at_rest_and_a_part_of_it_during_a_touch() -> None:

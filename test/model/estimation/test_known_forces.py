@@ -17,7 +17,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import ReleaseDetector, UnexplainedResiduals, UniformChange
+from posfet_core.scan_path import (
+    FASTEST_WARMING,
+    FEWEST_FOR_UNIFORM,
+    ReleaseDetector,
+    UnexplainedResiduals,
+    UniformChange,
+)
 
 Array = NDArray[np.float64]
 NEGATIVE_TIME = UnexplainedResiduals.NEGATIVE_TIME
@@ -283,7 +289,7 @@ def test_a_few_touched_taxels_do_not_hide_a_temperature_change() -> None:
 
 
 def test_a_rise_faster_than_heat_is_a_press_but_no_fall_is() -> None:
-    fast = 1.2 * UniformChange.FASTEST * BLOCK
+    fast = 1.2 * FASTEST_WARMING * BLOCK
     assert explanation(uniform(), -fast * PER_KELVIN) == 0.0
     assert explanation(uniform(), fast * PER_KELVIN) == pytest.approx(fast)
 
@@ -294,18 +300,20 @@ def test_a_fall_is_never_a_press_whatever_its_pattern() -> None:
 
 def test_too_few_taxels_tell_nothing() -> None:
     few = NOWHERE.copy()
-    few[: UniformChange.FEWEST - 1] = True
+    few[: FEWEST_FOR_UNIFORM - 1] = True
     assert explanation(uniform(), -0.02 * PER_KELVIN, few) == 0.0
-    small = UniformChange(PER_KELVIN[: UniformChange.FEWEST - 1], SPREAD)
+    small = UniformChange(PER_KELVIN[: FEWEST_FOR_UNIFORM - 1], SPREAD)
     assert not small.observable
 
 
-def test_a_film_without_pyroelectric_response_tells_nothing() -> None:
+@pytest.mark.parametrize("without", [1, TAXELS - 1])
+@pytest.mark.parametrize("force", [0.04, -0.04])
+def test_taxels_without_pyroelectric_response_tell_nothing(without: int, force: float) -> None:
     response = PER_KELVIN.copy()
-    response[3] = 0.0
+    response[:without] = 0.0
     policy = UniformChange(response, SPREAD)
     assert not policy.observable
-    assert explanation(policy, np.full(TAXELS, 0.04)) == 0.0
+    assert explanation(policy, np.full(TAXELS, force)) == 0.0
 
 
 CLAIMED = 0.1
@@ -377,13 +385,13 @@ def test_a_refused_hypothesis_is_not_made_again_for_a_while() -> None:
     assert blocks_in(UniformChange.PAUSE) <= blocks <= blocks_in(UniformChange.PAUSE) + 1
 
 
-def test_the_hypothesis_keeps_the_time_at_which_it_was_opened() -> None:
-    policy, wait = uniform(), 0.3
-    policy.begin()
-    for _ in range(blocks_in(wait) - 1):
-        assert not policy.is_refused(NOWHERE, EVERYWHERE, CLAIMED, 0.0, READING, 0.0, wait, BLOCK)
-        policy.begin()
-    assert any(policy.is_refused(NOWHERE, EVERYWHERE, CLAIMED, 0.0, READING, 0.0, wait, BLOCK) for _ in range(2))
+def test_a_refused_hypothesis_waits_while_no_force_is_known() -> None:
+    policy = uniform()
+    policy.refuse()
+    for _ in range(blocks_in(2.0 * UniformChange.PAUSE)):
+        assert not policy.is_refused(NOWHERE, NOWHERE, 0.0, 0.0, READING, 0.0, 0.0, BLOCK)
+    assert explanation(policy, 0.02 * PER_KELVIN) != 0.0  # a fall needs no hypothesis
+    assert explanation(policy, -0.02 * PER_KELVIN) == 0.0
 
 
 def test_residuals_that_are_positive_in_many_blocks_are_unexplained_and_white_ones_are_not() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from posfet_core.scan_path import RestDetector
 
-NOISE, SPREAD, SETTLE, TAU, BLOCK = 1e-3, 0.1, 0.1, 0.3, 0.02
+NOISE, SPREAD, TAU, BLOCK = 1e-3, 0.1, 0.3, 0.02
 STEP = RestDetector.STILL * NOISE
 """A change above this is a motion [N]."""
 TAXELS = 9
@@ -25,7 +25,7 @@ UNEVEN = np.where(np.arange(TAXELS) == 0, 3 * SPREAD, FLAT)
 
 
 def detector(signal: np.ndarray = FLAT, taxels: int = TAXELS) -> RestDetector:
-    made = RestDetector(taxels, NOISE, SPREAD, SETTLE, TAU)
+    made = RestDetector(taxels, NOISE, SPREAD, TAU)
     made.start(signal)
     return made
 
@@ -38,8 +38,10 @@ def time_to_rest(made: RestDetector, signal: np.ndarray, ignored: np.ndarray = N
     return np.inf
 
 
-def test_equal_signals_are_at_rest_after_the_settle_time() -> None:
-    assert time_to_rest(detector(), FLAT) == pytest.approx(SETTLE, abs=BLOCK)
+def test_equal_signals_are_at_rest_while_they_stay() -> None:
+    made = detector()
+    assert made.update(FLAT, NONE, BLOCK)
+    assert not made.update(FLAT + 2 * STEP, NONE, BLOCK)
 
 
 def test_signals_that_differ_are_at_rest_only_when_a_held_force_has_leaked() -> None:
@@ -50,10 +52,8 @@ def test_an_ignored_taxel_neither_differs_nor_moves() -> None:
     ignored = np.arange(TAXELS) == 0
     made = detector(UNEVEN)
     for number in range(4):
-        moving = np.where(ignored, float(number), FLAT)
-        assert not made.update(moving, ignored, BLOCK)
+        assert made.update(np.where(ignored, float(number), FLAT), ignored, BLOCK)
         assert not made.moved
-    assert made.update(FLAT, ignored, 2 * BLOCK)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_two_taxels_move_or_one_by_much(moving: int, change: float, moved: bool)
     made = detector()
     signal = FLAT.copy()
     signal[:moving] += change
-    assert made.update(signal, NONE, 2 * SETTLE) is not moved
+    assert made.update(signal, NONE, BLOCK) is not moved
     assert made.moved is moved
 
 
@@ -81,25 +81,25 @@ def test_a_single_taxel_of_an_array_of_one_moves_by_the_usual_limit() -> None:
 
 
 def test_a_motion_starts_the_time_again_from_the_new_signals() -> None:
-    made = detector()
+    made = detector(UNEVEN)
     for _ in range(4):
-        assert not made.update(FLAT, NONE, BLOCK)
-    assert not made.update(FLAT + 2 * STEP, NONE, BLOCK)
-    assert time_to_rest(made, FLAT + 2 * STEP) == pytest.approx(SETTLE, abs=BLOCK)
+        assert not made.update(UNEVEN, NONE, BLOCK)
+    assert not made.update(UNEVEN + 2 * STEP, NONE, BLOCK)
+    assert time_to_rest(made, UNEVEN + 2 * STEP) == pytest.approx(RestDetector.LEAKED * TAU, abs=BLOCK)
 
 
 def test_a_slow_ramp_is_a_motion_as_it_adds_up() -> None:
     made, motions = detector(), 0
     for number in range(1, 101):
-        assert not made.update(FLAT + 0.3 * STEP * number, NONE, BLOCK)
+        assert made.update(FLAT + 0.3 * STEP * number, NONE, BLOCK) is not made.moved
         motions += made.moved
     assert motions == 25  # each time it has gone more than one step: after four blocks
 
 
 def test_what_all_taxels_share_is_no_motion_while_the_chip_warms() -> None:
     cold, warm = detector(), detector()
-    assert not cold.update(FLAT + 5 * STEP, NONE, 2 * SETTLE)
-    assert warm.update(FLAT + 5 * STEP, NONE, 2 * SETTLE, warming=True)
+    assert not cold.update(FLAT + 5 * STEP, NONE, BLOCK)
+    assert warm.update(FLAT + 5 * STEP, NONE, BLOCK, warming=True)
     press = FLAT + 5 * STEP
     press[:3] += 2 * STEP
     assert not warm.update(press, NONE, BLOCK, warming=True)

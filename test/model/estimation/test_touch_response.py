@@ -93,6 +93,15 @@ def test_leaked_charge_is_that_of_a_force_that_changes_linearly_between_blocks(d
     np.testing.assert_allclose(advance(response(), means).leaked, last - charge, rtol=0, atol=1e-7)
 
 
+def test_a_leak_that_is_far_faster_than_the_nominal_one_is_followed() -> None:
+    slow = response()
+    fast = TouchResponse(compiled_layout(LAYOUT), 0.2 * TAU, PER_KELVIN, PRIORS)
+    for mean in blocks(1.0):
+        slow.advance(mean, mean, mean, BLOCK, leak=-0.8)
+        fast.advance(mean, mean, mean, BLOCK)
+    np.testing.assert_allclose(slow.leaked, fast.leaked, rtol=1e-12)
+
+
 def test_creep_follows_the_force_with_each_time_constant() -> None:
     means = blocks(1.2)
     matrix = advance(response(), means).matrix()

@@ -5,75 +5,21 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Negative forces become baseline errors after a while, and lower bounds last until the touch ends."""
+"""Lower bounds last until the touch ends."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from posfet_core.scan_path import LowerBoundMonitor, NegativeForceMonitor
+from posfet_core.scan_path import LowerBoundMonitor
 
 BLOCK = 0.02
-LIMIT = 0.01
-ALL = np.ones(3, np.bool_)
-PRESSED_DOWN = np.array([-0.05, 0.0, 0.05])
-"""Forces below the limit, within it and positive [N]."""
-
-
-def confirmed(monitor: NegativeForceMonitor, blocks: int, mean: np.ndarray, still: np.ndarray = ALL) -> list[int]:
-    """Return the numbers of the blocks, from 1, in which the first taxel was confirmed; no other ever is."""
-    found = []
-    for number in range(1, blocks + 1):
-        mask = monitor.update(ALL, mean, LIMIT, still, BLOCK)
-        assert not mask[1:].any()
-        found += [number] * bool(mask[0])
-    return found
-
-
-@pytest.mark.parametrize("blocks", [1, 4, 10])
-def test_a_steady_negative_force_is_confirmed_after_its_time_and_not_before(blocks: int) -> None:
-    monitor = NegativeForceMonitor(3, (blocks - 0.5) * BLOCK)
-    assert confirmed(monitor, 3 * blocks, PRESSED_DOWN) == [blocks, 2 * blocks, 3 * blocks]
-
-
-def test_a_moving_negative_force_is_never_confirmed() -> None:
-    monitor = NegativeForceMonitor(3, 3.5 * BLOCK)
-    assert not confirmed(monitor, 50, PRESSED_DOWN, np.zeros(3, np.bool_))
-    # The time for which it has to be steady begins when it stands still.
-    assert confirmed(monitor, 4, PRESSED_DOWN) == [4]
-
-
-def test_one_block_above_the_limit_starts_the_time_again() -> None:
-    monitor = NegativeForceMonitor(3, 3.5 * BLOCK)
-    assert not confirmed(monitor, 3, PRESSED_DOWN)
-    assert not confirmed(monitor, 1, np.zeros(3))
-    assert confirmed(monitor, 4, PRESSED_DOWN) == [4]
-
-
-def test_taxels_that_are_not_examined_or_are_reset_start_again() -> None:
-    monitor = NegativeForceMonitor(3, 3.5 * BLOCK)
-    down = np.full(3, -0.05)
-    for _ in range(3):
-        assert not monitor.update(np.array([True, True, False]), down, LIMIT, ALL, BLOCK).any()
-    assert monitor.update(ALL, down, LIMIT, ALL, BLOCK).tolist() == [True, True, False]
-    for _ in range(2):
-        assert not monitor.update(ALL, down, LIMIT, ALL, BLOCK).any()
-    monitor.reset()
-    assert not monitor.update(ALL, down, LIMIT, ALL, BLOCK).any()
-
-
-def test_a_force_at_the_limit_is_possible() -> None:
-    monitor = NegativeForceMonitor(3, 0.5 * BLOCK)
-    assert not confirmed(monitor, 5, np.full(3, -LIMIT))
-    assert confirmed(monitor, 1, np.array([np.nextafter(-0.01, -1.0), 0.0, 0.0])) == [1]
-
-
 THRESHOLD = 0.1
 
 
 def started(before: list[float], remaining: list[float]) -> LowerBoundMonitor:
-    monitor = LowerBoundMonitor(len(before), THRESHOLD, 2.5 * BLOCK)
+    monitor = LowerBoundMonitor(len(before), THRESHOLD, 3.5 * BLOCK, 2.5 * BLOCK)
     monitor.start(np.array(before), np.array(remaining))
     return monitor
 
@@ -96,33 +42,56 @@ def test_a_force_before_or_a_charge_after_an_interruption_bounds_the_force(
     assert started([before], [remaining]).mask.tolist() == [marked]
 
 
-def test_nothing_is_marked_without_an_interruption() -> None:
-    monitor = LowerBoundMonitor(2, THRESHOLD, BLOCK)
-    monitor.update(np.array([1.0, -1.0]), BLOCK)
+def blocks(monitor: LowerBoundMonitor, count: int, *mean: float, still: bool = True) -> list[bool]:
+    """Process blocks of these forces; return which have ended in the last one."""
+    ended = np.zeros(len(mean), np.bool_)
+    for _ in range(count):
+        assert not ended.any()
+        ended = monitor.update(np.array(mean), np.full(len(mean), still), BLOCK)
+    return [bool(each) for each in ended]
+
+
+def test_nothing_is_marked_and_nothing_ends_without_an_interruption() -> None:
+    monitor = LowerBoundMonitor(2, THRESHOLD, BLOCK, BLOCK)
+    assert blocks(monitor, 5, 1.0, -1.0) == [False, False]
     assert monitor.mask.tolist() == [False, False]
 
 
-def test_a_release_ends_the_mark_of_its_taxel_at_once() -> None:
+def test_a_steady_negative_force_ends_the_mark_of_its_taxel_after_its_time() -> None:
     monitor = started([1.0, 1.0], [1.0, 1.0])
-    monitor.update(np.array([1.0, -0.2]), BLOCK)
+    assert blocks(monitor, 3, 1.0, -0.2) == [False, False]
+    assert monitor.mask.tolist() == [True, True]
+    assert blocks(monitor, 1, 1.0, -0.2) == [False, True]
     assert monitor.mask.tolist() == [True, False]
+    assert blocks(monitor, 1, 1.0, -0.2) == [False, False]
+
+
+@pytest.mark.parametrize("between", [{"still": False}, {"force": -THRESHOLD}, {"force": 0.5}, {"again": True}])
+def test_a_negative_force_that_moves_or_stops_starts_its_time_again(between: dict[str, float]) -> None:
+    monitor = started([1.0, 1.0], [1.0, 1.0])
+    blocks(monitor, 3, 1.0, -0.2)
+    if between.get("again"):
+        monitor.start(np.zeros(2), np.zeros(2))
+    else:
+        blocks(monitor, 1, 1.0, between.get("force", -0.2), still=bool(between.get("still", True)))
+    assert blocks(monitor, 3, 1.0, -0.2) == [False, False]
+    assert blocks(monitor, 1, 1.0, -0.2) == [False, True]
 
 
 def test_marks_last_while_one_marked_taxel_is_pressed() -> None:
     monitor = started([1.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-    for _ in range(100):
-        monitor.update(np.array([1.0, 0.0, 0.0]), BLOCK)
+    blocks(monitor, 100, 1.0, 0.0, 0.0)
     assert monitor.mask.tolist() == [True, True, False]
 
 
 def test_marks_end_after_the_release_time_without_a_force_on_marked_taxels() -> None:
     monitor = started([1.0, 1.0, 0.0], [0.0, 0.0, 0.0])
-    quiet = np.array([0.05, -0.05, 5.0])  # the third is pressed, but not marked
-    pressed = np.array([1.0, 0.0, 0.0])
+    quiet = (0.05, -0.05, 5.0)  # the third is pressed, but not marked
+    pressed = (1.0, 0.0, 0.0)
     for force in (quiet, pressed, pressed, pressed, quiet):  # a press does not start the time again, and does not count
-        monitor.update(force, BLOCK)
+        blocks(monitor, 1, *force)
         assert monitor.mask.tolist() == [True, True, False]
-    monitor.update(quiet, BLOCK)
+    blocks(monitor, 1, *quiet)
     assert not monitor.mask.any()
 
 

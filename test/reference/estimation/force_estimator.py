@@ -46,7 +46,8 @@ from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
-from reference.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+from reference.estimation.validity import LowerBoundMonitor
+from reference.estimation.zero_refutation import CONTRADICTED, ZeroRefutation
 from reference.reductions import any_true, median, upper_median
 
 BLOCK: Final = 0.02
@@ -58,8 +59,8 @@ LAG: Final = 16
 SUSPECTED: Final = LAG // 2
 """Number of them from which taxels are left out that do not show the touch themselves."""
 
-SETTLE_TIME: Final = 0.1
-"""Time for which a taxel must be consistent with a constant force before its offset counts as known [s]."""
+LEAST_LEAK: Final = 0.5
+"""Least time constant of the leakage that is believed, relative to that of the calibration at its temperature [1]."""
 
 RESUME_TIME: Final = 0.04
 """No force is valid for this long after an interruption [s]."""
@@ -86,6 +87,12 @@ RESTART_DEVIATION: Final = 0.1
 OFFSET_SPREAD: Final = 2.0
 """Greatest deviation of an untouched taxel's offset from the median offset [contact threshold]; a larger one requires a
 longer rest."""
+
+SETTLED_BLOCKS: Final = 5
+"""Blocks in which the array must have been still before offsets count as known [1]: 0.1 s."""
+
+BEGUN: Final = 0.51
+"""Sum of the shares of the force up to which the touch has just begun [1]: no sum of plays alone."""
 
 LARGEST_LAG_STEP: Final = 0.5
 """Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then."""
@@ -308,9 +315,8 @@ class ForceEstimator:
         self._release = ReleaseDetector(taxels)
         self._jumps = JumpNoise(self._tau)
         self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
-        self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
-        self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
-        self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
+        self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, float(self._tau.max()))
+        self._lower_bound = LowerBoundMonitor(taxels, self._threshold, NEGATIVE_TIME, LOST_FORCE_TIME)
         self._surroundings, self._held_forces = ContactSurroundings(sensor.layout), HeldForces(sensor.layout)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
@@ -330,7 +336,9 @@ class ForceEstimator:
     def _make_state(self, taxels: int) -> None:
         self.informative = np.zeros(taxels, np.bool_)
         """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
-        self._recovering, self._agreed, self._unread, self._last_duration = 0.0, 0.0, 0.0, BLOCK
+        self._recovering, self._unread, self._last_duration = 0.0, 0.0, BLOCK
+        self._refuted = 0.0
+        self._refutation = ZeroRefutation(self._mean_per_kelvin, self._priors.slow_rate > 0.0)
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
         self._touched_for = 0.0
@@ -436,7 +444,6 @@ class ForceEstimator:
 
     def ignore(self, taxels: Mask) -> None:
         """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
-        self._apply_clipped()
         back = self.ignored & ~taxels
         self.ignored[:] = taxels
         if back.any():
@@ -459,15 +466,6 @@ class ForceEstimator:
         self._started = self.valid = False
         self._recovering = RESUME_TIME
 
-    def _apply_clipped(self) -> None:
-        """Increase the variance of saturated taxels by the leakage that the clipped signal did not show."""
-        clipped, own = self._integration.clipped, self.belief.own
-        if any_true(clipped > 0.0):
-            own[:, 0, 0] = np.where(
-                clipped > 0.0, (np.sqrt(np.maximum(own[:, 0, 0], 0.0)) + clipped) ** 2, own[:, 0, 0]
-            )
-            clipped[:] = 0.0
-
     def tare(self, forced: bool = False) -> Array:
         """Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time.
 
@@ -482,7 +480,6 @@ class ForceEstimator:
         ndarray of float64, shape [rows * cols]
             Correction that was added to each force [N]; 0 for ignored taxels.
         """
-        self._apply_clipped()
         change: Array = np.where(self.ignored, 0.0, -self.force if forced else -self._mean)
         belief = self.belief
         belief.error[:, 0] -= change
@@ -499,8 +496,10 @@ class ForceEstimator:
             self._lower_bound.mask[:] = False
             self._unexplained.reset()
             self._forget_touch()
-            self._touched[:] = self._beside[:] = False
+            self._listed = self._touched = self._beside = self._nowhere
             self._integration.watch_none()
+            self._refutation.hidden = 0.0
+            self._integration.clipped[:] = 0.0
         self._start_block()
         return change
 
@@ -541,8 +540,8 @@ class ForceEstimator:
 
     def forget(self) -> None:
         """Forget all, as if the next scan were the first one: what was known is wrong."""
-        self._farthest = self._touched_for = 0.0
-        self._hot = self._shown_hot = False
+        self._farthest = self._touched_for = self._refutation.hidden = 0.0
+        self._hot = self._shown_hot = self._zero_known = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -559,7 +558,6 @@ class ForceEstimator:
 
     def _estimate(self, touched: Mask, contacts: Sequence[NDArray[np.intp]]) -> None:
         """Process the block that is due; raise ValueError where the belief is none that can be."""
-        self._apply_clipped()
         listed = touched & self.offset_known
         if any_true(lost := self._unreleased(listed)):
             alone = lost & ~self._surroundings.dilated(listed)
@@ -575,11 +573,14 @@ class ForceEstimator:
         self._blocks.append(block)
         if self._unheated is not None:
             self._follow_unheated(block)
+        self._refuted = 0.0
         if any_true(begun):
             self._process_again(touched)
-            self._mean = block.mean - self._filter.predicted(block.response)
         else:
             self._step(block)
+            if self._refuted and self._blocks:
+                block.touched = block.touched | (self.offset_known & ~self.ignored)
+                self._process_again(block.touched)
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
@@ -622,6 +623,8 @@ class ForceEstimator:
         hot = self._may_be_hot()
         if hot:  # below zero no object touches, else
             unknown |= (self._sum / self._scans < -self._threshold) & self._may_be_warm()
+        if abs(self._refutation.hidden) > self._negligible:
+            unknown |= True
         if any_true(self._touched):
             noise, mean = np.sqrt(self._noise_variance / self._scans), self._sum / self._scans
             unknown |= self._touched & ~self._release.left(np.abs(mean) if hot else mean, noise)
@@ -755,7 +758,7 @@ class ForceEstimator:
         own_noise[:, :2, :2] = p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second() ** 2)
-        grown += self._jumped + self._step_noise(touched, span)
+        grown += self._jumped + self._step_noise(touched, span) + self._clipped_noise()
         left = np.divide(warmth, self._warmth, out=np.zeros_like(warmth), where=self._warmth > 0.0)
         cooled = np.minimum(np.maximum(1.0 - left, 0.0), -math.expm1(-span / p.warmth_time))
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
@@ -803,6 +806,13 @@ class ForceEstimator:
             self._reading, self._unread = math.nan, 0.0
         return block
 
+    def _clipped_noise(self) -> Array:
+        """Return the variances of what leaked unseen of clipped signals [N2]: it adds to what is wrong already."""
+        clipped, wrong = self._integration.clipped, np.maximum(self.belief.own[:, 0, 0], 0.0)
+        noise: Array = (np.sqrt(wrong) + clipped) ** 2 - wrong
+        clipped[:] = 0.0
+        return noise
+
     def _rate_noise(self, before: float, total: float, warmed_by: float) -> float:
         """Return the variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
         warming = self._touch.warming
@@ -836,7 +846,7 @@ class ForceEstimator:
         deviation = np.sqrt(self._own + self._shared_variance()) / total if total > 0.0 else 0.0
         play = np.minimum(np.maximum(deviation, SHARE_PLAY), GREATEST_SHARE_PLAY)
         self._share = np.minimum(np.maximum(before, share - play), share + play)
-        if not total or before.sum() <= 0.5:
+        if not total or before.sum() <= BEGUN:
             return 0.0
         return 0.5 * float(np.abs(self._share - before).sum())
 
@@ -858,7 +868,7 @@ class ForceEstimator:
             self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
             if any_true(listed):
                 least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
-        slower = (1.0 + float(shared[Shared.LEAK])) / self._integration.leak - 1.0
+        slower = max(1.0 + float(shared[Shared.LEAK]), LEAST_LEAK) / self._integration.leak - 1.0
         self._touch.advance(force, least, most, self._elapsed, slower, float(shared[Shared.WARMTH]))
 
     def _tail_spread(self) -> float:
@@ -905,12 +915,16 @@ class ForceEstimator:
         """
         wide = self.offset_known & self._was_misled()
         self._filter.belief = self._blocks[0].before
+        if self._refuted:
+            direction = self._dynamics.maneuver(self.belief.shared, LAG * BLOCK)
+            self._filter.admit(direction, (self._refuted / direction[Shared.FILM]) ** 2)
         blocks = tuple(self._blocks)  # the newest one may restart taxels, which forgets them
         shown = touched & (blocks[-1].listed | self._unexplained.rising)
         for index, block in enumerate(blocks):
             block.before = self.belief.copy()
             block.touched = block.touched | (touched if index >= len(blocks) - SUSPECTED else shown) | wide
             self._step(block)
+        self._mean = block.mean - self._filter.predicted(block.response)
 
     def _step(self, block: Block) -> None:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
@@ -918,11 +932,21 @@ class ForceEstimator:
         own = self.belief.own[:, 1, 1]
         np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        self._measure_temperature(self._filter, block, any_true(zeros))
+        kelvin, deviations = self._measure_temperature(self._filter, block, any_true(zeros))
+        policy = self._refutation
+        hidden = any_true(zeros) and policy.may_hide(kelvin) and not self._uniform.open
+        hidden = hidden and self._rested >= LAG * BLOCK  # a release moves the rate, too
+        if block is self._blocks[-1] and not math.isnan(block.reading):
+            policy.count(deviations if hidden else 0.0, float(self.belief.shared[Shared.RATE]))
+        refuted = policy.lasts or (deviations > CONTRADICTED and self._was_misled())
+        self._refuted = kelvin if hidden and refuted else 0.0
+        policy.hidden = self._refuted or policy.hidden
         self._measure_zeros(block, beside)
 
-    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
-        """Update a belief by a new reading of the temperature sensors, if there is one.
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float]:
+        """Update a belief by a new reading of the temperature sensors; return its difference from the expected one [K].
+
+        Also the size of that in its deviations [1].
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
         determine the temperature of the film, it may have warmed since before the start; soon after that, and not
@@ -930,7 +954,7 @@ class ForceEstimator:
         from their model, and is weighted down.
         """
         if math.isnan(block.reading):
-            return
+            return 0.0, 0.0
         variance = block.reading_variance
         innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
@@ -947,12 +971,14 @@ class ForceEstimator:
             f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        found = innovation, abs(innovation) / math.sqrt(total)
         if surprising:
             variance += (innovation / SURPRISING) ** 2
         # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
         _, column, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
         f.measure_temperature(block.reading, variance, block.leaked_time)
+        return found
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
         """Propagate a belief over a block; return the taxels beside a contact."""
@@ -986,8 +1012,6 @@ class ForceEstimator:
         """Update by the forces that are known to be zero or small."""
         judged = (~block.listed | ~self.offset_known) & ~self.ignored
         where = (~block.touched | ~self.offset_known) & ~self.ignored
-        if not any_true(judged):
-            return
         p, f = self._priors, self._filter
         response, measured, some_beside = block.response, block.mean, any_true(beside)
         noise = block.noise.copy()
@@ -1002,7 +1026,7 @@ class ForceEstimator:
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
         if listed or not any_true(block.touched):
-            own = f.own_deviation(deviation, sensitivity, noise)
+            own = self._own_deviation(noise)
             # While a contact grows, the rest of a wide object rises like a warmer film.
             telling = where if listed else judged
             kelvin = self._uniform.temperature(
@@ -1016,11 +1040,12 @@ class ForceEstimator:
                 f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
                 noise = noise + (p.pyroelectric * kelvin * self._per_kelvin) ** 2
                 residual, sensitivity, deviation = f.innovation(measured, response, noise)
-                own = f.own_deviation(deviation, sensitivity, noise)
+                own = self._own_deviation(noise)
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         # Of a release, some blocks look like a film that cools.
         odd |= (self._unexplained.below > 0.0) & (residual < -self._threshold)
-        f.update(where & ~odd, residual, sensitivity, noise)
+        if any_true(zeros := where & ~odd):
+            f.update(zeros, residual, sensitivity, noise)
         faulty = self.ignored & self.offset_known & ~block.listed
         if any_true(faulty):
             # A noisy taxel still counts in a contact, and so must be zero before it.
@@ -1039,6 +1064,11 @@ class ForceEstimator:
                 f.post_fit(updated, measured, response, noise, unmodelled),
             )
             self._judge(block, watched & odd, judged, residual)
+
+    def _own_deviation(self, noise: Array) -> Array:
+        """Return the deviations of residuals without what the shared states contribute [N]."""
+        own = self.belief.own
+        return np.asarray(np.sqrt(np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0) + noise))
 
     def _open_hypothesis(self) -> None:
         """Open the hypothesis that the film became warmer, and go on without it, too.
@@ -1063,7 +1093,7 @@ class ForceEstimator:
         self._measure_temperature(unheated, block, zeros=False)
         force = np.where(self.ignored, 0.0, np.maximum(block.mean - unheated.predicted(touch.matrix()), 0.0))
         shared = unheated.belief.shared
-        slower = (1.0 + float(shared[Shared.LEAK])) / block.leak - 1.0
+        slower = max(1.0 + float(shared[Shared.LEAK]), LEAST_LEAK) / block.leak - 1.0
         touch.advance(force, force, force, block.duration, slower, float(shared[Shared.WARMTH]))
 
     def _take_unheated(self, block: Block) -> None:
@@ -1105,10 +1135,16 @@ class ForceEstimator:
             self._unheated = None
         self._doubt = claimed - shown if self._unheated is not None else 0.0
         rests = self._rested >= LAG * BLOCK  # a release moves the rate, too
+        rate, shown = float(self.belief.shared[Shared.RATE]), any_true(block.listed)
+        self._refutation.end_block(block.duration, self._age, rate, shown, rests)
         if self._unheated is None and rests and self._was_misled():
             before = self._blocks[0].before.shared
-            passed = BLOCK * len(self._blocks)
+            passed = sum(each.span for each in self._blocks)
             self._doubt = float(self.belief.shared[Shared.FILM] - before[Shared.FILM] - before[Shared.RATE] * passed)
+        self._restart_or_correct(block, odd, residual)
+
+    def _restart_or_correct(self, block: Block, odd: Mask, residual: Array) -> None:
+        """Restart unknown taxels with an unexplained residual, and widen errors where it is one of the baseline."""
         unknown = odd & ~self.offset_known
         if any_true(unknown):
             self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
@@ -1131,9 +1167,10 @@ class ForceEstimator:
                 belief.know_force(released, block.mean, block.response, block.noise)
                 errors &= ~released
                 self._untouched_time[cooling] = 0.0
-                self._zero_known = True
+                self._zero_known, self._refutation.hidden = True, 0.0
                 self._blocks.clear()  # to process them again would undo it
-            belief.own[errors, 0, 0] += residual[errors] ** 2
+            for own in (belief.own, block.own_noise):  # there, too, if the block is processed again
+                own[errors, 0, 0] += residual[errors] ** 2
 
     def _may_be_hot(self) -> bool:
         """Return whether what touches may have warmed the film so much that force and warmth are hardly separable."""
@@ -1175,12 +1212,11 @@ class ForceEstimator:
         """End the touches since before an interruption: where forces stay below zero, they are zero."""
         noise, mean = np.sqrt(block.noise), self._mean
         still = np.abs(mean - self._last_mean) <= GATE * math.sqrt(2.0) * noise
-        limit = np.full(len(mean), self._threshold)
-        ended = self._negative.update(self._lower_bound.mask, mean, limit, still, block.duration)
-        self._lower_bound.update(np.where(ended, mean, np.maximum(mean, 0.0)), block.duration)
+        ended = self._lower_bound.update(mean, still, block.duration)
         self._last_mean = mean
         if ended.any():
             self.belief.know_force(ended, block.mean, block.response, block.noise)
+            self._blocks.clear()  # to process them again would undo it
 
     def _warmth_variance(self) -> Array:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
@@ -1206,7 +1242,6 @@ class ForceEstimator:
         self._mean = block.mean - self._filter.predicted(block.response)
         self._follow_usual(block)
         self._set_covariance(block)
-        self._agreed += block.duration
         self._recovering = max(0.0, self._recovering - block.duration)
         failed = np.abs(self.force) > self._runaway
         if any_true(failed):
@@ -1357,7 +1392,7 @@ class ForceEstimator:
         at_rest = self._rest.update(self._integration.signal, self.ignored, duration, warming)
         if self._rest.moved:
             self._restart(~self.offset_known)
-        elif at_rest and self._agreed >= SETTLE_TIME:
+        elif at_rest and len(self._blocks) >= SETTLED_BLOCKS:
             self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
 
     def _warms(self) -> bool:
@@ -1373,8 +1408,8 @@ class ForceEstimator:
         charge : ndarray of float64, shape [rows * cols]
             Charge densities [C/m2].
         """
-        self._apply_clipped()
         self._integration.start(charge)
+        self._integration.clipped[:] = 0.0
         self._leaked = self._raw - self._integration.signal
         self._last_duration = BLOCK
         signal, belief = self._integration.signal, self.belief
@@ -1399,7 +1434,6 @@ class ForceEstimator:
         self._blocks.clear()
         self._drop_hypothesis()
         self._recent_force.clear()
-        self._negative.reset(slice(None))
         self._unexplained.reset()
         self._release.restart()
         self._started = True
@@ -1437,11 +1471,11 @@ class ForceEstimator:
         belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
         self._rate[where] = (self._offset() * self._per_second())[where]
         self.offset_known[where] = False
+        self._integration.clipped[where] = 0.0
         self._correction[where] = self._raw[where]
         self.force[where] = self._integration.held[where] = 0.0
         self._usual[where] = belief.error[where, 0]
         self._usual_offset[where] = belief.error[where, 1]
-        self._agreed = 0.0
         self._blocks.clear()
 
     def _start_block(self) -> None:

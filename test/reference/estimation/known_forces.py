@@ -393,7 +393,8 @@ class UniformChange:
         duration : float
             Duration of the block [s].
         """
-        self.pause = max(self.pause - duration, 0.0)
+        if where.any():
+            self.pause = max(self.pause - duration, 0.0)
         if not self.open:
             return False
         self._open += duration

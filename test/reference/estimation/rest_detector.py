@@ -45,18 +45,13 @@ class RestDetector:
         Standard deviation of a reading [N].
     offset_spread : float
         Greatest deviation of an untouched taxel's signal from the median [N].
-    settle_time : float
-        Time to wait where all signals are within that spread [s].
     time_constant : float
         Leakage time constant [s].
     """
 
-    def __init__(
-        self, taxels: int, noise: float, offset_spread: float, settle_time: float, time_constant: float
-    ) -> None:
+    def __init__(self, taxels: int, noise: float, offset_spread: float, time_constant: float) -> None:
         self._still = STILL * noise
         self._offset_spread = offset_spread
-        self._settle_time = settle_time
         self._leak_time = LEAKED * time_constant
         self._signal = np.full(taxels, np.inf)
         self._duration = 0.0
@@ -102,4 +97,4 @@ class RestDetector:
             return True
         usable = signal[~ignored]
         spread = np.abs(usable - upper_median(usable))
-        return self._duration >= self._settle_time and bool((spread <= self._offset_spread).all())
+        return bool((spread <= self._offset_spread).all())

@@ -13,16 +13,11 @@ rest, which would explain everything.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import COUNT, CREEPS, LOOPS, ErrorPriors, Shared
 from posfet_model.sensor.description import Layout
-
-LEAST_LEAK: Final = 0.5
-"""Least time constant of a leak that is simulated, relative to that of the description [1]."""
 
 
 class TouchResponse:
@@ -104,7 +99,7 @@ class TouchResponse:
         duration : float
             Duration of the block [s].
         leak : float, optional
-            Relative error of the leak rates as far as it is known [1]: the charge leaks with ``tau*(1 + leak)``.
+            Relative error of the leak rates as far as it is known [1], > -1: the charge leaks with ``tau*(1 + leak)``.
         warmth : float, optional
             Warmth of a touched taxel as far as it is known [K].
         """
@@ -113,7 +108,7 @@ class TouchResponse:
             return
         share = -np.expm1(-duration / self._creep_times)[:, None]
         self._followed += share * (force - self._followed)
-        ratio = duration / (self._tau * max(1.0 + leak, LEAST_LEAK))
+        ratio = duration / (self._tau * (1.0 + leak))
         left = np.exp(-ratio)
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force

@@ -41,7 +41,7 @@ public:
   BlockEnd(std::shared_ptr<ScanPath> path, BlockParts parts, Taxel margin, double informative);
 
   /// Whether a block has lasted for its duration.
-  bool due() const { return parts_.estimator->block_time() >= parts_.estimator->block_duration(); }
+  bool due() const { return parts_.estimator->block_time() >= kBlock; }
 
   /// Close the block.
   void close();

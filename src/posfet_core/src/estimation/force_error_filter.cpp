@@ -177,14 +177,6 @@ void ForceErrorFilter::shared_variance(const double* sensitivity, double* varian
   }
 }
 
-void ForceErrorFilter::own_deviation(const double* deviation, const double* sensitivity, const double* noise,
-                                     double* own) const {
-  shared_variance(sensitivity, own);
-  for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
-    own[taxel] = std::sqrt(std::max(deviation[taxel] * deviation[taxel] - own[taxel], noise[taxel]));
-  }
-}
-
 void ForceErrorFilter::predicted(const double* response, double* errors) const {
   const Belief& b = *belief_;
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {

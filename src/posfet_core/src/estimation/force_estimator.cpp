@@ -57,7 +57,7 @@ EstimatedArray checked(EstimatedArray array) {
   }
   for (double& response : array.newton_per_kelvin) {
     const double greatest = static_cast<double>(taxels) * kHottest * std::abs(response);
-    response = greatest < kLeastDeviation * array.threshold ? 0.0 : response;
+    response = greatest < array.threshold ? 0.0 : response;
   }
   return array;
 }
@@ -68,13 +68,13 @@ double negligible_change(const EstimatedArray& array) {
   for (const double response : array.newton_per_kelvin) {
     whole += std::abs(response);
   }
-  return whole > 0.0 ? kLeastDeviation * array.threshold / whole : std::numeric_limits<double>::infinity();
+  return whole > 0.0 ? array.threshold / whole : std::numeric_limits<double>::infinity();
 }
 
 std::shared_ptr<ForceIntegration> make_integration(const EstimatedArray& array) {
   const double fastest = *std::min_element(array.time_constant.begin(), array.time_constant.end());
-  const IntegrationLimits limits{kLongStep * fastest, kLeastDeviation * array.threshold, kNoticeable * array.threshold,
-                                 UniformChange::kFastest, negligible_change(array)};
+  const IntegrationLimits limits{kLongStep * fastest, array.threshold, kNoticeable * array.threshold, kFastestWarming,
+                                 negligible_change(array)};
   return std::make_shared<ForceIntegration>(array.time_constant, array.newton_per_charge, array.newton_per_kelvin,
                                             array.leak_temperature, limits, kCauses);
 }
@@ -88,16 +88,13 @@ std::shared_ptr<Belief> make_belief(std::size_t taxels, const ErrorPriors& prior
 
 }  // namespace
 
-ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, double block_duration)
+ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
     : array_(checked(std::move(array))),
       priors_(priors),
-      block_duration_(block_duration),
-      mean_per_kelvin_(sum(array_.newton_per_kelvin) / static_cast<double>(taxels())),
-      negligible_(negligible_change(array_)),
       integration_(make_integration(array_)),
       dynamics_(priors_, array_.film_lag),
       filter_(make_belief(taxels(), priors_)),
-      unheated_filter_(std::make_shared<Belief>(taxels(), kSharedStates)),
+      unheated_(std::make_shared<Belief>(taxels(), kSharedStates)),
       touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
       unheated_touch_(touch_),
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
@@ -106,13 +103,12 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors, 
       jumps_(array_.time_constant),
       walk_(priors_.film_walk, array_.film_lag),
       held_forces_(Grid(array_.layout)),
-      rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold, kSettleTime,
+      refutation_(integration_->mean_newton_per_kelvin(), priors_.slow_rate > 0.0),
+      rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
-      negative_(taxels(), UnexplainedResiduals::kNegativeTime),
-      lower_bound_(taxels(), array_.threshold, kLostForceTime),
+      lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
       surroundings_(Grid(array_.layout)),
       blocks_(taxels(), touch_),
-      last_duration_(block_duration),
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
@@ -175,11 +171,6 @@ double ForceEstimator::film_rate() const {
   return array_.film_lag > 0.0 ? (shared[kChip] - shared[kFilm]) / array_.film_lag : shared[kRate];
 }
 
-/// Whether the temperature of the chip certainly changes.
-bool ForceEstimator::warms() const {
-  return std::abs(belief()->shared[kRate]) > 3.0 * std::sqrt(belief()->variance(kRate));
-}
-
 /// Number of taxels that are not faulty.
 std::size_t ForceEstimator::usable() const {
   return taxels() - static_cast<std::size_t>(std::count(ignored().data(), ignored().data() + taxels(), true));
@@ -218,7 +209,6 @@ void ForceEstimator::steady_variance(double* out) const {
 // What the caller changes.
 
 void ForceEstimator::ignore(const bool* faulty) {
-  apply_clipped();
   TaxelFlags back(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     back[taxel] = ignored()[taxel] && !faulty[taxel];
@@ -236,20 +226,7 @@ void ForceEstimator::interrupt() {
   recovering_ = kResumeTime;
 }
 
-/// Increase the variance of saturated taxels by the leakage that the clipped signal did not show.
-void ForceEstimator::apply_clipped() {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    double& clipped = state().clipped[taxel];
-    if (clipped > 0.0) {
-      double& own = belief()->own_of(taxel)[own_at(kForceError, kForceError)];
-      own = square(std::sqrt(std::max(own, 0.0)) + clipped);
-      clipped = 0.0;
-    }
-  }
-}
-
 void ForceEstimator::tare(bool forced, double* change) {
-  apply_clipped();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     change[taxel] = ignored()[taxel] ? 0.0 : -(forced ? force()[taxel] : mean_[taxel]);
     belief()->error_of(taxel)[kForceError] -= change[taxel];
@@ -267,9 +244,12 @@ void ForceEstimator::tare(bool forced, double* change) {
     lower_bound_.clear();
     unexplained_.reset();
     forget_touch();
-    touched_.fill(false);
-    beside_.fill(false);
+    for (TaxelFlags* mask : {&listed_, &touched_, &beside_}) {
+      mask->fill(false);
+    }
     integration_->watch_none();
+    refutation_.clear();
+    std::fill(state().clipped.begin(), state().clipped.end(), 0.0);
   }
   start_block();
 }
@@ -306,9 +286,8 @@ void ForceEstimator::forget_touch() {
 // Start and restart.
 
 void ForceEstimator::start(const double* charge) {
-  apply_clipped();
   integration_->inverse().start(charge);
-  last_duration_ = block_duration_;
+  last_duration_ = kBlock;
   ForceIntegration::State& s = state();
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
@@ -331,11 +310,14 @@ void ForceEstimator::start(const double* charge) {
     remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
     s.held[taxel] = s.force[taxel] = std::max(left, 0.0);
     s.correction[taxel] = s.raw[taxel] - s.force[taxel];
+    s.clipped[taxel] = 0.0;
     b.know_force(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
                  noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
+    leaked_share_[taxel] = -0.5 * last_duration_ / present_time_constant(taxel);
+    driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   lower_bound_.start(before.data(), remaining.data());
-  integrate(-0.5 * last_duration_);
+  b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     usual_[taxel] = b.error_of(taxel)[kForceError];
     usual_offset_[taxel] = b.error_of(taxel)[kOffset];
@@ -345,7 +327,6 @@ void ForceEstimator::start(const double* charge) {
   blocks_.clear();
   drop_hypothesis();
   recent_force_.fill(0.0);
-  negative_.reset();
   unexplained_.reset();
   release_.restart();
   integration_->block().started = true;
@@ -357,7 +338,8 @@ void ForceEstimator::start(const double* charge) {
 
 void ForceEstimator::forget() {
   farthest_ = touched_for_ = 0.0;
-  hot_ = shown_hot_ = false;
+  refutation_.clear();
+  hot_ = shown_hot_ = zero_known_ = false;
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
   for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
@@ -373,15 +355,6 @@ void ForceEstimator::start_over() {
   forget();
   const std::vector<double> charge = integration_->inverse().charge();
   start(charge.data());
-}
-
-/// Add to the force errors what offsets and common drift cause in a time [s], which may be negative.
-void ForceEstimator::integrate(double time) {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_share_[taxel] = time / present_time_constant(taxel);
-    driven_[taxel * kSharedStates + kDrift] = time * leak();
-  }
-  belief()->integrate(leaked_share_.data(), driven_.data());
 }
 
 /// Restart taxels: no force, and the signal is offset, or charge left by an earlier force: what it has beyond an offset
@@ -429,13 +402,13 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     if (where[taxel]) {
       s.rate[taxel] = offset(taxel) / present_time_constant(taxel);
       s.offset_known[taxel] = false;
+      s.clipped[taxel] = 0.0;
       s.correction[taxel] = s.raw[taxel];
       s.held[taxel] = s.force[taxel] = 0.0;
       usual_[taxel] = b.error_of(taxel)[kForceError];
       usual_offset_[taxel] = b.error_of(taxel)[kOffset];
     }
   }
-  agreed_ = 0.0;
   blocks_.clear();
 }
 
@@ -455,7 +428,6 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
 
 /// Process the block that is due. Throws std::domain_error where the belief is none that can be.
 void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*>& contacts) {
-  apply_clipped();
   Block& block = blocks_.next();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.listed[taxel] = in_contact[taxel] && offset_known()[taxel];
@@ -471,7 +443,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   const bool any_listed = block.listed.any();
   observe_rest(any_listed);
   blocks_.push();
-  if (unheated_ != nullptr) {
+  if (uniform_.open()) {
     follow_unheated(block);
   }
   bool begun = false;
@@ -480,12 +452,18 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     const bool was_small = beside_[taxel] && listed_.any();
     begun = begun || (block.touched[taxel] && !touched_[taxel] && !was_small);
   }
+  refuted_ = 0.0;
+  if (!begun) {
+    step(blocks_.size() - 1);
+    begun = refuted_ != 0.0 && blocks_.size() > 0;
+    for (std::size_t taxel = 0; begun && taxel < taxels(); ++taxel) {
+      block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
+    }
+  }
   if (begun) {
     process_again(block.touched);
     filter_.predicted(block.response.data(), values_.data());
     std::transform(block.mean.begin(), block.mean.end(), values_.begin(), mean_.begin(), std::minus<>());
-  } else {
-    step(blocks_.size() - 1);
   }
   listed_.set(block.listed.data());
   observe_steady_force();
@@ -516,13 +494,14 @@ void ForceEstimator::find_touched(Block& block) {
   if (hot) {
     find_warm();
   }
+  const bool wide = std::abs(refutation_.hidden()) > negligible();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = state().sum[taxel] / integration_->block().scans;
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
     const bool below = hot && mean < -array_.threshold && warm_[taxel];
     const bool moving = touched_[taxel] && !release_.has_left(taxel, hot ? std::abs(mean) : mean, noise);
-    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below;
+    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || wide;
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
   }
 }

@@ -39,6 +39,9 @@ constexpr double kSameError = 1.0;
 /// Least force that stands in for an unknown one beside a contact [contact threshold].
 constexpr double kLeastFelt = 0.1;
 
+/// Least time constant of the leakage that is believed, relative to that of the calibration at its temperature [1].
+constexpr double kLeastLeak = 0.5;
+
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
 
@@ -46,6 +49,9 @@ constexpr double kPlay = 4.0;
 /// What changes more has moved, however uncertain the force is.
 constexpr double kSharePlay = 2e-3;
 constexpr double kGreatestSharePlay = 0.02;
+
+/// Sum of the shares of the force up to which the touch has just begun [1]: no sum of plays alone.
+constexpr double kBegun = 0.51;
 
 /// Product of the change of a value and of the greater one of both.
 double changed_square(double now, double before) {
@@ -122,7 +128,7 @@ void ForceEstimator::find_tails(Block& block) {
 
 /// What a belief says of the errors that the responses to a touch depend on, at the leakage of a block.
 TouchResponse::Known ForceEstimator::known_errors(const Belief& belief, const Block& block) {
-  return {(1.0 + belief.shared[kLeak]) / block.leak - 1.0, belief.shared[kWarmth]};
+  return {std::max(1.0 + belief.shared[kLeak], kLeastLeak) / block.leak - 1.0, belief.shared[kWarmth]};
 }
 
 /// Advance the responses to the touch.
@@ -192,7 +198,7 @@ double ForceEstimator::find_moved_share(const Block& block) {
     moved += std::abs(now - share_[taxel]);
     share_[taxel] = now;
   }
-  return total > 0.0 && before > 0.5 ? 0.5 * moved : 0.0;  // a touch that begins has not moved
+  return total > 0.0 && before > kBegun ? 0.5 * moved : 0.0;  // a touch that begins has not moved
 }
 
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
@@ -222,6 +228,11 @@ void ForceEstimator::measure_process_noise(Block& block) {
     const double stepped = jumps_.variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
     grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped;
+    if (double& clipped = state().clipped[taxel]; clipped > 0.0) {  // what leaked unseen adds to what is wrong already
+      const double wrong = std::max(belief()->own_of(taxel)[own_at(kForceError, kForceError)], 0.0);
+      grown += square(std::sqrt(wrong) + clipped) - wrong;
+      clipped = 0.0;
+    }
     const double warmed = warmth_variance(taxel);
     const double warmth = touch_.warm()[taxel] + touch_.range()[taxel];
     const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;
@@ -263,7 +274,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.
 void ForceEstimator::observe_rest(bool listed) {
   rested_ = listed ? 0.0 : rested_ + block_time();
-  const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * block_duration_ + kQuiet;
+  const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * kBlock + kQuiet;
   observe_steps(at_rest);
   if (!at_rest) {
     walk_.pause();
@@ -288,7 +299,7 @@ void ForceEstimator::observe_rest(bool listed) {
     // A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
     std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
-    filter_.admit(drifting.data(), square(mean_per_kelvin_) * grown / age());
+    filter_.admit(drifting.data(), square(mean_per_kelvin()) * grown / age());
   }
   dynamics_.set_film_walk(walk_.intensity());
 }

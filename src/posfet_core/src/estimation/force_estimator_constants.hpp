@@ -18,23 +18,11 @@ namespace posfet {
 /// exceed the greatest force.
 constexpr double kRunaway = 4.0;
 
-/// Time for which a taxel must be consistent with a constant force before its offset counts as known [s].
-constexpr double kSettleTime = 0.1;
-
 /// Deviations from which on a reading of the temperature sensors is unexpected [1].
 constexpr double kSurprising = 3.0;
 
-/// Deviation of the total force that is always accepted [contact threshold].
-constexpr double kLeastDeviation = 1.0;
-
-/// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
-/// hardly separable then.
-constexpr double kGreatestWarmth = 0.08;
-
-/// Causes of errors that the forces share besides the shared states: gain, the hypothesis of a warmer film, a slow
-/// press, lost scans.
-constexpr std::size_t kOtherCauses = 4;
-
-constexpr std::size_t kCauses = kSharedStates + kOtherCauses;
+/// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, lost
+/// scans.
+constexpr std::size_t kCauses = kSharedStates + 4;
 
 }  // namespace posfet

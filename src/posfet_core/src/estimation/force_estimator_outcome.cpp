@@ -25,6 +25,10 @@ namespace {
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
 constexpr double kBeyondRange = 1.25;
 
+/// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
+/// hardly separable then.
+constexpr double kGreatestWarmth = 0.08;
+
 /// Share of the greatest force of the last blocks below which the force falls as in a release [1].
 constexpr double kReleasing = 0.9;
 
@@ -34,6 +38,9 @@ constexpr double kNonlinearity = 0.01;
 
 /// Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it.
 constexpr double kTapShare = 0.25;
+
+/// Blocks in which the array must have been still before offsets count as known [1]: 0.1 s.
+constexpr std::size_t kSettledBlocks = 5;
 
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
@@ -61,7 +68,6 @@ void ForceEstimator::finish(const Block& block) {
   }
   follow_usual(block);
   set_covariance(block);
-  agreed_ += block.duration;
   recovering_ = std::max(0.0, recovering_ - block.duration);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = std::abs(s.force[taxel]) > kRunaway * array_.greatest_force;
@@ -102,17 +108,17 @@ void ForceEstimator::follow_usual(const Block& block) {
 /// Find what a slow press may have lost to zeros [N]. It counts in the deviation only: the filter would explain the
 /// rest of the press by it. What the untouched taxels have in common by the pattern of their pyroelectric responses is
 /// what the temperature of the film seemed to be until the sensors said otherwise, and no press.
-void ForceEstimator::find_absorbed(std::vector<double>& out) const {
+void ForceEstimator::find_absorbed() {
   Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = belief()->error_of(taxel)[kForceError] - usual_[taxel];
+    absorbed_[taxel] = belief()->error_of(taxel)[kForceError] - usual_[taxel];
     if (uniform_.observable() && !touched_[taxel] && !ignored()[taxel]) {
-      kelvins.push_back(out[taxel] / array_.newton_per_kelvin[taxel]);
+      kelvins.push_back(absorbed_[taxel] / array_.newton_per_kelvin[taxel]);
     }
   }
   const double film = kelvins.size() < kFewestForUniform ? 0.0 : median(kelvins);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = std::max(out[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
+    absorbed_[taxel] = std::max(absorbed_[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
   }
 }
 
@@ -146,7 +152,7 @@ void ForceEstimator::set_covariance(const Block& block) {
   const Belief& b = *belief();
   ForceIntegration::State& s = state();
   std::vector<double>& shared_variance = values_;
-  find_absorbed(absorbed_);
+  find_absorbed();
   follow_hidden(block);
   filter_.covariance_root(block.response.data(), own_.data(), response_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -186,7 +192,7 @@ void ForceEstimator::set_covariance(const Block& block) {
 /// Whether the forces are valid at the end of a block.
 bool ForceEstimator::is_valid() {
   bool sound = true;
-  bool may_touch = std::abs(doubt_) > negligible_;
+  bool may_touch = std::abs(doubt_) > negligible();
   double total = 0.0;
   double warmed = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -200,7 +206,7 @@ bool ForceEstimator::is_valid() {
   }
   recent_force_[recent_] = std::abs(total);
   recent_ = (recent_ + 1) % recent_force_.size();
-  may_touch = may_touch || warmed > kLeastDeviation * array_.threshold;
+  may_touch = may_touch || warmed > array_.threshold;
   const bool unknown_zero = touch_at_start && !zero_known_;
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
@@ -239,7 +245,7 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted, double total) const {
   const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
   const double present = std::abs(total);
   const double force = present < kReleasing * greatest ? greatest : present - kGate * std::sqrt(noise);
-  return deviation <= std::max(max_relative_uncertainty * force, kLeastDeviation * array_.threshold);
+  return deviation <= std::max(max_relative_uncertainty * force, array_.threshold);
 }
 
 /// Mark offsets as known once the array has been still.
@@ -252,10 +258,11 @@ void ForceEstimator::confirm_offsets(double duration) {
     chosen_[taxel] = !offset_known()[taxel];
   }
   // What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
-  const bool at_rest = rest_.update(values_.data(), ignored().data(), duration, uniform_.observable() || warms());
+  const bool warms = square(belief()->shared[kRate]) > square(kSurprising) * belief()->variance(kRate);
+  const bool at_rest = rest_.update(values_.data(), ignored().data(), duration, uniform_.observable() || warms);
   if (rest_.moved()) {
     restart(chosen_);
-  } else if (at_rest && agreed_ >= kSettleTime) {
+  } else if (at_rest && blocks_.size() >= kSettledBlocks) {
     for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
       const double certain = square(0.5 * array_.threshold * array_.time_constant[taxel]);
       const bool known = belief()->own_of(taxel)[own_at(kOffset, kOffset)] <= certain && !ignored()[taxel];
@@ -286,7 +293,7 @@ void ForceEstimator::prepare_compensation(const Block& block) {
   const auto count = static_cast<double>(untouched.size());
   const double deviation = std::sqrt(noise / count / count);
   const double walk =
-      std::abs(mean_per_kelvin_) * std::sqrt(belief()->variance(kRate)) * block.duration / integration_->block().scans;
+      std::abs(mean_per_kelvin()) * std::sqrt(belief()->variance(kRate)) * block.duration / integration_->block().scans;
   integration_->watch(untouched, values_.data(), walk / (walk + deviation));
 }
 

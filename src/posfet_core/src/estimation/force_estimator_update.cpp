@@ -61,25 +61,34 @@ bool ForceEstimator::was_misled() {
   const double change = belief()->shared[kRate] - before.shared[kRate];
   const double noise = dynamics_.transition(before.shared, blocks_.newest().span).noise[kRate * kSharedStates + kRate];
   const double variance = before.variance(kRate) + static_cast<double>(blocks_.size()) * noise;
-  return change * mean_per_kelvin_ > 0.0 && square(change) > square(kSurprising) * variance;
+  return change * mean_per_kelvin() > 0.0 && square(change) > square(kSurprising) * variance;
 }
 
 /// By how much zeros of a wide object may have changed the film's temperature unnoticed since the oldest stored block
 /// [K]. Not soon after a contact, whose release moves the rate, too.
 double ForceEstimator::unnoticed_change() {
-  if (rested_ < LastBlocks::kLag * block_duration_ || !was_misled()) {
+  if (!has_rested() || !was_misled()) {
     return 0.0;
   }
   const std::vector<double>& before = blocks_[0].before.shared;
-  return belief()->shared[kFilm] - before[kFilm] - before[kRate] * kBlock * static_cast<double>(blocks_.size());
+  double passed = 0.0;
+  for (std::size_t index = 0; index < blocks_.size(); ++index) {
+    passed += blocks_[index].span;
+  }
+  return belief()->shared[kFilm] - before[kFilm] - before[kRate] * passed;
 }
 
 /// Process the stored blocks again without the taxels that a touch, it turned out, had begun on. Those that do not show
-/// it themselves are left out of the last blocks only: their zeros before that tell their offsets.
+/// it themselves are left out of the last blocks only: their zeros before that tell their offsets. Where sensors have
+/// refuted the zeros of all, the rate may have been wrong before these blocks, too.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
   ++processed_again_;
   const bool wide = was_misled();
   *belief() = blocks_[0].before;
+  if (refuted_ != 0.0) {
+    const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, LastBlocks::kLag * kBlock);
+    filter_.admit(direction.data(), square(refuted_ / direction[kFilm]));
+  }
   const std::size_t count = blocks_.size();  // the newest one may restart taxels, which forgets them
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = touched[taxel] && (blocks_.newest().listed[taxel] || unexplained_.rising()[taxel]);
@@ -107,19 +116,30 @@ void ForceEstimator::step(std::size_t index) {
     variance = std::max(variance, jumps_.least_offset_variance(taxel));
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
-  measure_temperature(filter_, block, zeros);
+  const Contradiction found = measure_temperature(filter_, block, zeros);
+  const bool hidden = zeros && refutation_.may_hide(found.kelvin) && !uniform_.open() && has_rested();
+  if (index + 1 == blocks_.size() && !std::isnan(block.reading)) {
+    refutation_.count(hidden ? found.deviations : 0.0, belief()->shared[kRate]);
+  }
+  const bool refuted = refutation_.lasts() || (found.deviations > ZeroRefutation::kContradicted && was_misled());
+  refuted_ = hidden && refuted ? found.kelvin : 0.0;
+  if (refuted_ != 0.0) {
+    refutation_.refute(refuted_);
+  }
   measure_zeros(index);
 }
 
-/// Update a belief by a new reading of the temperature sensors, if there is one.
+/// Update a belief by a new reading of the temperature sensors, if there is one. Returns how it differs from what the
+/// belief expects, after all that explains it.
 ///
 /// An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces determine
 /// the temperature of the film, it may have warmed since before the start; soon after that, and not where something
 /// touches, which warms it, too. If neither explains it, it shows only that the sensors differ from their model, and is
 /// weighted down.
-void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros) {
+ForceEstimator::Contradiction ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block,
+                                                                  bool zeros) {
   if (std::isnan(block.reading)) {
-    return;
+    return {0.0, 0.0};
   }
   double variance = block.reading_variance;
   const auto is_surprising = [](const TemperatureInnovation& found) {
@@ -139,6 +159,7 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
     filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, priors_.rate)));
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
+  const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance)};
   if (is_surprising(found)) {
     variance += square(found.innovation / kSurprising);
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
@@ -146,6 +167,7 @@ void ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& 
   // The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
   variance += std::max(std::abs(found.innovation * found.column[kLag]) / kLargestLagStep - found.variance, 0.0);
   filter.measure_temperature(block.reading, variance, block.leaked_time);
+  return contradiction;
 }
 
 /// Propagate a belief over a block; finds the taxels beside a contact.
@@ -196,9 +218,6 @@ void ForceEstimator::measure_zeros(std::size_t index) {
     judged_[taxel] = usable && !(block.listed[taxel] && offset_known()[taxel]);
     zeros_[taxel] = usable && !(block.touched[taxel] && offset_known()[taxel]);
   }
-  if (!judged_.any()) {
-    return;
-  }
   expect_small_forces(block);
   find_residuals();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -210,7 +229,9 @@ void ForceEstimator::measure_zeros(std::size_t index) {
     odd_[taxel] = odd_[taxel] || (unexplained_.below()[taxel] > 0.0 && residual_[taxel] < -array_.threshold);
     zeros_[taxel] = zeros_[taxel] && !odd_[taxel];
   }
-  filter_.update(zeros_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+  if (zeros_.any()) {
+    filter_.update(zeros_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+  }
   measure_faulty(block);
   if (index + 1 < blocks_.size()) {
     return;
@@ -294,6 +315,9 @@ void ForceEstimator::expect_small_forces(const Block& block) {
 void ForceEstimator::find_residuals() {
   filter_.innovation(measured_.data(), response_.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    own_deviation_[taxel] = std::sqrt(belief()->own_variance(taxel) + noise_[taxel]);
+  }
 }
 
 /// Admit a change of the film's temperature where it explains residuals of a stored block that are not expected.
@@ -304,10 +328,11 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
     return;  // a touch has begun, and what follows is its own
   }
   bool noticed = false;
+  bool rests_known = true;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     noticed = noticed || (!listed && odd_[taxel] && zeros_[taxel]);
+    rests_known = rests_known && (offset_known()[taxel] || ignored()[taxel]);
   }
-  filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
   // While a contact grows, the rest of a wide object rises like a warmer film.
   const TaxelFlags& telling = listed ? zeros_ : judged_;
   const double kelvin = uniform_.temperature(residual_.data(), telling.data(), deviation_.data(), own_deviation_.data(),
@@ -315,7 +340,7 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
   if (kelvin == 0.0) {
     return;
   }
-  if (kelvin * mean_per_kelvin_ > 0.0 && !listed && rests_known()) {
+  if (kelvin * mean_per_kelvin() > 0.0 && !listed && rests_known) {
     open_hypothesis();
   }
   const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, block.duration);
@@ -324,56 +349,44 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
     noise_[taxel] += square(priors_.pyroelectric * kelvin * array_.newton_per_kelvin[taxel]);
   }
   find_residuals();
-  filter_.own_deviation(deviation_.data(), sensitivity_.data(), noise_.data(), own_deviation_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double left = residual_[taxel] - kelvin * array_.newton_per_kelvin[taxel];
     odd_[taxel] = std::abs(left) > kGate * own_deviation_[taxel];
   }
 }
 
-/// Whether the offsets of all taxels are known but for faulty ones.
-bool ForceEstimator::rests_known() const {
-  bool known = true;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    known = known && (offset_known()[taxel] || ignored()[taxel]);
-  }
-  return known;
-}
-
 /// Open the hypothesis that the film became warmer, and go on without it, too: as if a touch of all taxels had begun
 /// with the stored blocks.
 void ForceEstimator::open_hypothesis() {
-  if (unheated_ != nullptr) {
+  if (uniform_.open()) {
     return;
   }
   uniform_.begin();
-  *unheated_filter_.belief() = blocks_[0].before;
+  *unheated_.belief() = blocks_[0].before;
   unheated_touch_ = blocks_[0].touch_before;
-  unheated_ = &unheated_filter_;
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
     follow_unheated(blocks_[index]);
   }
-  expected_film_ = unheated_->belief()->shared[kFilm];
-  expected_rate_ = unheated_->belief()->shared[kRate];
+  expected_film_ = unheated_.belief()->shared[kFilm];
+  expected_rate_ = unheated_.belief()->shared[kRate];
 }
 
 /// Follow the belief without the hypothesis, and what the touch leaves that there is without it.
 void ForceEstimator::follow_unheated(const Block& block) {
-  predict(*unheated_, block);
-  measure_temperature(*unheated_, block, false);
+  predict(unheated_, block);
+  measure_temperature(unheated_, block, false);
   std::vector<double>& force = values_;
   unheated_touch_.matrix(unheated_response_);
-  unheated_->predicted(unheated_response_.data(), force.data());
+  unheated_.predicted(unheated_response_.data(), force.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     force[taxel] = ignored()[taxel] ? 0.0 : std::max(block.mean[taxel] - force[taxel], 0.0);
   }
-  unheated_touch_.advance(force, force, force, block.duration, known_errors(*unheated_->belief(), block));
+  unheated_touch_.advance(force, force, force, block.duration, known_errors(*unheated_.belief(), block));
 }
 
 /// Keep the belief as it is: what the other one would say no longer matters.
 void ForceEstimator::drop_hypothesis() {
   uniform_.close();
-  unheated_ = nullptr;
   doubt_ = 0.0;
 }
 
@@ -390,19 +403,17 @@ void ForceEstimator::judge(Block& block) {
     uniform_.refuse();
     take_unheated(block);
   }
-  if (!uniform_.open()) {
-    unheated_ = nullptr;
-  }
-  doubt_ = unheated_ != nullptr ? evidence.claimed - evidence.shown : unnoticed_change();
+  doubt_ = uniform_.open() ? evidence.claimed - evidence.shown : unnoticed_change();
+  refutation_.end_block(block.duration, age(), belief()->shared[kRate], block.listed.any(), has_rested());
   restart_or_correct(block);
 }
 
 /// What the sensors say of the hypothesis at the end of a block.
 UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
-  UniformChange::Evidence evidence{kUnknown, kUnknown, kUnknown, negligible_, UniformChange::kConfirmation};
+  UniformChange::Evidence evidence{kUnknown, kUnknown, kUnknown, negligible(), UniformChange::kConfirmation};
   // The hypothesis itself makes the sensors' lag seem longer.
-  const Belief& shown = unheated_ != nullptr ? *unheated_->belief() : *belief();
-  if (unheated_ != nullptr) {
+  const Belief& shown = uniform_.open() ? *unheated_.belief() : *belief();
+  if (uniform_.open()) {
     expected_film_ += (expected_rate_ + block.warming) * block.duration;
     evidence.claimed = belief()->shared[kFilm] - expected_film_;
     evidence.shown = shown.shared[kFilm] - expected_film_;
@@ -415,10 +426,7 @@ UniformChange::Evidence ForceEstimator::evidence_of(const Block& block) {
 
 /// Take the belief without the hypothesis, which was wrong.
 void ForceEstimator::take_unheated(Block& block) {
-  if (unheated_ == nullptr) {
-    return;
-  }
-  *belief() = *unheated_->belief();
+  *belief() = *unheated_.belief();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.mean[taxel] -= unheated_touch_.loops()[taxel] - touch_.loops()[taxel];
   }
@@ -435,7 +443,7 @@ void ForceEstimator::take_unheated(Block& block) {
 
 /// Restart the taxels with an unexplained residual whose offset is unknown, and widen the errors of the others where it
 /// is one of the baseline.
-void ForceEstimator::restart_or_correct(const Block& block) {
+void ForceEstimator::restart_or_correct(Block& block) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = odd_[taxel] && !offset_known()[taxel];
     odd_[taxel] = odd_[taxel] && offset_known()[taxel];
@@ -452,7 +460,9 @@ void ForceEstimator::restart_or_correct(const Block& block) {
   find_hot_film();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel] && !zeros_[taxel]) {
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(residual_[taxel]);
+      const std::size_t variance = own_at(kForceError, kForceError);
+      belief()->own_of(taxel)[variance] += square(residual_[taxel]);
+      block.own_noise[taxel * kOwnStates * kOwnStates + variance] += square(residual_[taxel]);  // if processed again
     }
   }
   if (zeros_.any()) {
@@ -537,6 +547,7 @@ void ForceEstimator::reset_released(const Block& block) {
     }
   }
   zero_known_ = true;
+  refutation_.clear();
   blocks_.clear();  // to process them again would undo it
 }
 
@@ -562,7 +573,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
       !drop_shown(variance)) {
     return;
   }
-  find_absorbed(absorbed_);
+  find_absorbed();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
       touch_.disown(taxel, mean_[taxel], belief()->shared[kWarmth]);
@@ -597,17 +608,15 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
     chosen_[taxel] = std::abs(mean_[taxel] - last_mean_[taxel]) <= limit;
   }
   TaxelFlags ended(taxels());
-  negative_.update(lower_bound_.mask().data(), mean_.data(), array_.threshold, chosen_.data(), block.duration,
-                   ended.data());
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    values_[taxel] = ended[taxel] ? mean_[taxel] : std::max(mean_[taxel], 0.0);
-  }
-  lower_bound_.update(values_.data(), block.duration);
+  lower_bound_.update(mean_.data(), chosen_.data(), block.duration, ended.data());
   last_mean_ = mean_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (ended[taxel]) {
       belief()->know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
     }
+  }
+  if (ended.any()) {
+    blocks_.clear();  // to process them again would undo it
   }
 }
 

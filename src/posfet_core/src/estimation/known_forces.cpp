@@ -44,14 +44,13 @@ void UnexplainedResiduals::add_persistent(const bool* where, const double* resid
   }
 }
 
-bool UnexplainedResiduals::update(const bool* odd, const double* residual, const double* mean, const double* noise,
+void UnexplainedResiduals::update(const bool* odd, const double* residual, const double* mean, const double* noise,
                                   double duration, bool* errors) {
   std::fill(errors, errors + below_.size(), false);
   if (std::none_of(odd, odd + below_.size(), [](bool each) { return each; })) {
     reset();
-    return false;
+    return;
   }
-  bool any = false;
   for (std::size_t taxel = 0; taxel < below_.size(); ++taxel) {
     const bool up = residual[taxel] > 0.0;
     rising_[taxel] = odd[taxel] && up;
@@ -62,10 +61,8 @@ bool UnexplainedResiduals::update(const bool* odd, const double* residual, const
     errors[taxel] = below_[taxel] >= kNegativeTime || (steady_[taxel] >= kUnexplainedTime && residual[taxel] < small_);
     if (errors[taxel]) {
       below_[taxel] = steady_[taxel] = 0.0;
-      any = true;
     }
   }
-  return any;
 }
 
 void UnexplainedResiduals::reset() {
@@ -201,7 +198,7 @@ double UniformChange::temperature(const double* residual, const bool* where, con
       response += per_kelvin_[taxel];
     }
   }
-  if (work_.size() < kFewestForUniform) {
+  if (!observable_ || work_.size() < kFewestForUniform) {
     return 0.0;
   }
   const auto count = static_cast<double>(work_.size());
@@ -223,18 +220,12 @@ double UniformChange::temperature(const double* residual, const bool* where, con
     const double tolerance = kNoticeable * (spread_ * std::abs(expected) + own[taxel]);
     misfits += where[taxel] && std::abs(residual[taxel] - expected) > tolerance ? 1 : 0;
   }
-  const bool fits = misfits <= kMisfits * count && std::abs(kelvin) <= kFastest * duration;
+  const bool fits = misfits <= kMisfits * count && std::abs(kelvin) <= kFastestWarming * duration;
   return fits && may_open() ? kelvin : 0.0;
 }
 
-void UniformChange::begin() {
-  if (!open()) {
-    open_ = 0.0;
-  }
-}
-
 bool UniformChange::is_refused(std::size_t odd, std::size_t judged, const Evidence& evidence, double duration) {
-  pause_ = std::max(pause_ - duration, 0.0);
+  pause_ = judged > 0 ? std::max(pause_ - duration, 0.0) : pause_;
   if (!open()) {
     return false;
   }

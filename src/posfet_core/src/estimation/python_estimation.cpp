@@ -208,19 +208,6 @@ void bind_measurements(BoundFilter& bound) {
           },
           py::arg("sensitivity"), "Return the variance that the shared states give to residuals [N2].")
       .def(
-          "own_deviation",
-          [](const ForceErrorFilter& filter, const Values& deviation, const Values& sensitivity, const Values& noise) {
-            const Belief& belief = *filter.belief();
-            const std::size_t taxels = belief.taxels();
-            py::array_t<double> own = new_array({taxels});
-            filter.own_deviation(shaped(deviation, {taxels}, "deviation"),
-                                 shaped(sensitivity, {taxels, belief.states()}, "sensitivity"),
-                                 shaped(noise, {taxels}, "noise"), own.mutable_data());
-            return own;
-          },
-          py::arg("deviation"), py::arg("sensitivity"), py::arg("noise"),
-          "Return the deviation of residuals without what the shared states contribute [N].")
-      .def(
           "post_fit",
           [](const ForceErrorFilter& filter, const Tested& updated, const Values& measured, const Values& response,
              const Values& noise, const Values& unmodelled) {
@@ -400,7 +387,7 @@ void bind_estimator(const py::module_& module) {
                         const Values& newton_per_kelvin, const Values& gain_deviation, double common_gain_deviation,
                         const Values& leak_deviation, double leak_per_kelvin, double leak_per_kelvin_deviation,
                         double leak_temperature, double noise, double threshold, double greatest_force,
-                        double left_charge, double film_lag, const py::object& priors, double block_duration) {
+                        double left_charge, double film_lag, const py::object& priors) {
               return std::make_shared<ForceEstimator>(
                   EstimatedArray{layout,
                                  vector_of(time_constant),
@@ -415,19 +402,17 @@ void bind_estimator(const py::module_& module) {
                                  greatest_force,
                                  left_charge,
                                  film_lag},
-                  priors_from(priors), positive(block_duration, "block_duration"));
+                  priors_from(priors));
             }),
             py::kw_only(), py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_charge"),
             py::arg("newton_per_kelvin"), py::arg("gain_deviation"), py::arg("common_gain_deviation"),
             py::arg("leak_deviation"), py::arg("leak_per_kelvin") = 0.0, py::arg("leak_per_kelvin_deviation") = 0.0,
             py::arg("leak_temperature") = kUnknown, py::arg("noise"), py::arg("threshold"), py::arg("greatest_force"),
-            py::arg("left_charge"), py::arg("film_lag"), py::arg("priors"), py::arg("block_duration") = kBlock);
+            py::arg("left_charge"), py::arg("film_lag"), py::arg("priors"));
   bind_estimator_methods(bound);
   bound.def_property_readonly("integration", &ForceEstimator::shared_integration, "What happens in every scan.")
       .def_property_readonly("belief", &ForceEstimator::belief, "Means and covariance of the force errors.")
       .def_property_readonly("block_time", &ForceEstimator::block_time, "Duration of the current block so far [s].")
-      .def_property_readonly("block_duration", &ForceEstimator::block_duration,
-                             "Duration from which on a block is due [s].")
       .def_property_readonly("valid", &ForceEstimator::valid, "Whether the forces of all taxels are valid.")
       .def_property_readonly("restarts", &ForceEstimator::restarts,
                              "Number of restarts of taxels whose signal was consistent with no force.")

@@ -31,6 +31,7 @@
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/validity.hpp"
+#include "posfet_core/estimation/zero_refutation.hpp"
 #include "python_estimation.hpp"
 
 namespace posfet {
@@ -148,7 +149,6 @@ void bind_touch_response(const py::module_& module) {
            }),
            py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_kelvin"), py::arg("priors"))
       .def("reset", &TouchResponse::reset, "Forget all touches.")
-      .def_property_readonly("responding", &TouchResponse::responding, "Whether anything has touched.")
       .def_property_readonly(
           "warm", [](const TouchResponse& response) { return array_of(response.warm()); },
           "Warmth of each taxel relative to the steady one [1], a new array.")
@@ -269,8 +269,8 @@ void bind_noise(const py::module_& module) {
                              "Variance by which the temperature grows in each second [K2/s].");
 
   py::class_<RestDetector> rest(module, "RestDetector", "Detects rest block by block.");
-  rest.def(py::init<std::size_t, double, double, double, double>(), py::arg("taxels"), py::arg("noise"),
-           py::arg("offset_spread"), py::arg("settle_time"), py::arg("time_constant"))
+  rest.def(py::init<std::size_t, double, double, double>(), py::arg("taxels"), py::arg("noise"),
+           py::arg("offset_spread"), py::arg("time_constant"))
       .def(
           "start",
           [](RestDetector& detector, const Values& signal) {
@@ -293,23 +293,9 @@ void bind_noise(const py::module_& module) {
 }
 
 void bind_validity(const py::module_& module) {
-  py::class_<NegativeForceMonitor>(module, "NegativeForceMonitor", "Finds forces that stay negative and steady.")
-      .def(py::init<std::size_t, double>(), py::arg("taxels"), py::arg("steady_time"))
-      .def(
-          "update",
-          [](NegativeForceMonitor& monitor, const Tested& where, const Values& mean, double limit, const Tested& still,
-             double duration) {
-            require_all(monitor.taxels(), {where, mean, still});
-            TaxelFlags confirmed(monitor.taxels());
-            monitor.update(where.data(), mean.data(), limit, still.data(), duration, confirmed.data());
-            return array_of(confirmed);
-          },
-          py::arg("where"), py::arg("mean"), py::arg("limit"), py::arg("still"), py::arg("duration"),
-          "Process the mean forces of a block; return the mask of confirmed errors of the baseline.")
-      .def("reset", &NegativeForceMonitor::reset, "Forget for how long forces have been negative.");
-
   py::class_<LowerBoundMonitor>(module, "LowerBoundMonitor", "Marks the taxels whose force is a lower bound.")
-      .def(py::init<std::size_t, double, double>(), py::arg("taxels"), py::arg("threshold"), py::arg("release_time"))
+      .def(py::init<std::size_t, double, double, double>(), py::arg("taxels"), py::arg("threshold"),
+           py::arg("negative_time"), py::arg("release_time"))
       .def_property_readonly(
           "mask", [](const LowerBoundMonitor& monitor) { return array_of(monitor.mask()); },
           "Taxels whose force is a lower bound, a new array.")
@@ -322,11 +308,14 @@ void bind_validity(const py::module_& module) {
           py::arg("before"), py::arg("remaining"), "Mark taxels after an interruption.")
       .def(
           "update",
-          [](LowerBoundMonitor& monitor, const Values& force, double elapsed) {
-            require_all(monitor.mask().size(), {force});
-            monitor.update(force.data(), elapsed);
+          [](LowerBoundMonitor& monitor, const Values& mean, const Tested& still, double elapsed) {
+            require_all(monitor.mask().size(), {mean, still});
+            TaxelFlags ended(monitor.mask().size());
+            monitor.update(mean.data(), still.data(), elapsed, ended.data());
+            return array_of(ended);
           },
-          py::arg("force"), py::arg("elapsed"), "Process the mean forces of a block.");
+          py::arg("mean"), py::arg("still"), py::arg("elapsed"),
+          "Process the mean forces of a block; return the mask of those that were released.");
 }
 
 void bind_residuals(const py::module_& module) {
@@ -363,7 +352,6 @@ void bind_residuals(const py::module_& module) {
       .def("reset", &Residuals::reset, "Forget everything but the averages.");
   bound.attr("NEGATIVE_TIME") = Residuals::kNegativeTime;
   bound.attr("UNEXPLAINED_TIME") = Residuals::kUnexplainedTime;
-  bound.attr("STEADY_DEVIATIONS") = Residuals::kSteadyDeviations;
   bound.attr("SMALL") = Residuals::kSmall;
   bound.attr("PERSISTENT_BLOCKS") = Residuals::kPersistentBlocks;
   module.attr("GATE") = kGate;
@@ -397,8 +385,6 @@ void bind_release(const py::module_& module) {
   bound.attr("STILL_BLOCKS") = ReleaseDetector::kStillBlocks;
   bound.attr("RELEASED_BLOCKS") = ReleaseDetector::kReleasedBlocks;
   bound.attr("RELEASED_SHARE") = ReleaseDetector::kReleasedShare;
-  bound.attr("RESIDUAL_MOTION") = ReleaseDetector::kResidualMotion;
-  bound.attr("PEAK_DECAY") = ReleaseDetector::kPeakDecay;
 }
 
 void bind_object_heating(const py::module_& module) {
@@ -406,6 +392,20 @@ void bind_object_heating(const py::module_& module) {
       .def(py::init())
       .def("update", &ObjectHeating::update, py::arg("before"), py::arg("force"), py::arg("rate"), py::arg("deviation"),
            py::arg("earlier"), "Process a block; return by how much the rate may change as the force falls [K/s/N].");
+}
+
+void bind_zero_refutation(const py::module_& module) {
+  py::class_<ZeroRefutation>(module, "ZeroRefutation", "Finds from temperature sensors that zeros are wrong.")
+      .def(py::init<double, bool>(), py::arg("newton_per_kelvin"), py::arg("lag_known"))
+      .def_property_readonly("hidden", &ZeroRefutation::hidden, "What zeros may have hidden of a wide press [K].")
+      .def_property_readonly("lasts", &ZeroRefutation::lasts, "Whether zeros are refuted by readings in turn.")
+      .def("may_hide", &ZeroRefutation::may_hide, py::arg("kelvin"),
+           "Return whether a reading that is so far above its expectation is in the direction of a press.")
+      .def("count", &ZeroRefutation::count, py::arg("deviations"), py::arg("rate"), "Count a reading.")
+      .def("refute", &ZeroRefutation::refute, py::arg("kelvin"), "Record that zeros have been refuted.")
+      .def("end_block", &ZeroRefutation::end_block, py::arg("duration"), py::arg("age"), py::arg("rate"),
+           py::arg("listed"), py::arg("rested"), "Process the end of a block.")
+      .def("clear", &ZeroRefutation::clear, "Forget the press.");
 }
 
 void bind_uniform(const py::module_& module) {
@@ -417,7 +417,6 @@ void bind_uniform(const py::module_& module) {
            py::arg("newton_per_kelvin"), py::arg("spread"))
       .def_property_readonly("observable", &UniformChange::observable, "Whether the pattern is informative.")
       .def_property_readonly("open", &UniformChange::open, "Whether the hypothesis is open for a rise of the forces.")
-      .def_property_readonly("may_open", &UniformChange::may_open, "Whether the hypothesis may be made now.")
       .def(
           "temperature",
           [](UniformChange& uniform, const Values& residual, const Tested& where, const Values& deviation,
@@ -446,12 +445,7 @@ void bind_uniform(const py::module_& module) {
           "Process a block; return whether the open hypothesis is wrong.")
       .def("refuse", &UniformChange::refuse, "Close the hypothesis as wrong.")
       .def("close", &UniformChange::close, "Close the hypothesis, wrong or not.");
-  bound.attr("FEWEST") = kFewestForUniform;
-  bound.attr("NOTICEABLE") = UniformChange::kNoticeable;
-  bound.attr("FASTEST") = UniformChange::kFastest;
   bound.attr("MISFITS") = UniformChange::kMisfits;
-  bound.attr("CONFIRMATION") = UniformChange::kConfirmation;
-  bound.attr("INTERVAL") = UniformChange::kInterval;
   bound.attr("CONFIRMED") = UniformChange::kConfirmed;
   bound.attr("DISTINCT") = UniformChange::kDistinct;
   bound.attr("PAUSE") = UniformChange::kPause;
@@ -546,6 +540,7 @@ void bind_estimation_parts(py::module_& module) {
   bind_residuals(module);
   bind_release(module);
   bind_object_heating(module);
+  bind_zero_refutation(module);
   bind_uniform(module);
   bind_steady_force(module);
   bind_signal_steps(module);

@@ -15,11 +15,9 @@
 
 namespace posfet {
 
-RestDetector::RestDetector(std::size_t taxels, double noise, double offset_spread, double settle_time,
-                           double time_constant)
+RestDetector::RestDetector(std::size_t taxels, double noise, double offset_spread, double time_constant)
     : still_(kStill * noise),
       offset_spread_(offset_spread),
-      settle_time_(settle_time),
       leak_time_(kLeaked * time_constant),
       signal_(taxels, std::numeric_limits<double>::infinity()) {
   work_.reserve(taxels);
@@ -39,9 +37,6 @@ bool RestDetector::update(const double* signal, const bool* ignored, double dura
   duration_ += duration;
   if (duration_ >= leak_time_) {
     return true;
-  }
-  if (duration_ < settle_time_) {
-    return false;
   }
   work_.clear();
   for (std::size_t taxel = 0; taxel < signal_.size(); ++taxel) {

@@ -76,7 +76,7 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
   }
   const double warming = -std::expm1(-duration / warmth_time_);
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    const double ratio = duration / (tau_[taxel] * std::max(1.0 + known.leak, kLeastLeak));
+    const double ratio = duration / (tau_[taxel] * (1.0 + known.leak));
     const double left = std::exp(-ratio);
     charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
     force_[taxel] = force[taxel];

@@ -11,39 +11,23 @@
 
 namespace posfet {
 
-bool NegativeForceMonitor::update(const bool* where, const double* mean, double limit, const bool* still,
-                                  double duration, bool* confirmed) {
-  bool any = false;
-  for (std::size_t taxel = 0; taxel < steady_.size(); ++taxel) {
-    const bool steady = where[taxel] && mean[taxel] < -limit && still[taxel];
-    steady_[taxel] = steady ? steady_[taxel] + duration : 0.0;
-    confirmed[taxel] = steady_[taxel] >= steady_time_;
-    if (confirmed[taxel]) {
-      steady_[taxel] = 0.0;
-      any = true;
-    }
-  }
-  return any;
-}
-
-void NegativeForceMonitor::reset() { std::fill(steady_.begin(), steady_.end(), 0.0); }
-
 void LowerBoundMonitor::start(const double* before, const double* remaining) {
   for (std::size_t taxel = 0; taxel < mask_.size(); ++taxel) {
     const bool held = before[taxel] > threshold_ && remaining[taxel] > -threshold_;
     mask_[taxel] = mask_[taxel] || held || remaining[taxel] > threshold_;
   }
+  std::fill(negative_for_.begin(), negative_for_.end(), 0.0);
   quiet_ = 0.0;
 }
 
-void LowerBoundMonitor::update(const double* force, double elapsed) {
-  if (!mask_.any()) {
-    return;
-  }
+void LowerBoundMonitor::update(const double* mean, const bool* still, double elapsed, bool* ended) {
   bool measurable = false;
   for (std::size_t taxel = 0; taxel < mask_.size(); ++taxel) {
-    mask_[taxel] = mask_[taxel] && force[taxel] > -threshold_;
-    measurable = measurable || (mask_[taxel] && force[taxel] > threshold_);
+    const bool negative = mask_[taxel] && mean[taxel] < -threshold_ && still[taxel];
+    negative_for_[taxel] = negative ? negative_for_[taxel] + elapsed : 0.0;
+    ended[taxel] = negative_for_[taxel] >= negative_time_;
+    mask_[taxel] = mask_[taxel] && !ended[taxel];
+    measurable = measurable || (mask_[taxel] && mean[taxel] > threshold_);
   }
   quiet_ += measurable ? 0.0 : elapsed;
   if (quiet_ >= release_time_) {

@@ -40,7 +40,7 @@ class ForceEstimator(scan_path.ForceEstimator):
     """Force of every taxel with its covariance, from charge densities; arrays row by row, shape [rows * cols].
 
     `integration` takes each scan; call `start` with the first one, and `close_block` whenever `block_time` has reached
-    `block_duration`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a negative
+    `BLOCK`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a negative
     force once the load is released, and zero soon after.
 
     Parameters
@@ -84,6 +84,5 @@ class ForceEstimator(scan_path.ForceEstimator):
             left_charge=priors.left_charge / sensor.volts_per_newton,
             film_lag=max(device.thermal_time_constant if lag is None else lag, 0.0),
             priors=priors,
-            block_duration=BLOCK,
         )
         self.max_relative_uncertainty = max_relative_uncertainty

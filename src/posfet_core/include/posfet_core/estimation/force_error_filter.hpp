@@ -67,10 +67,6 @@ public:
   /// Find the variances that the shared states give to residuals of these sensitivities g [N2].
   void shared_variance(const double* sensitivity, double* variance) const;
 
-  /// Find the deviations of residuals [N] without what the shared states contribute, from those that are expected, as
-  /// from `innovation`; the variances R of the measurements [N2] are the least that is left.
-  void own_deviation(const double* deviation, const double* sensitivity, const double* noise, double* own) const;
-
   /// Find what is left of residuals after an update by those of the taxels marked, in units of its expected deviation
   /// [1]: what all taxels share is gone then, of which each residual had more than of its own. `unmodelled` are the
   /// variances of what the filter knows nothing of [N2].

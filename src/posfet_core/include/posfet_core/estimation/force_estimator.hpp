@@ -37,6 +37,7 @@
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/validity.hpp"
+#include "posfet_core/estimation/zero_refutation.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/grid.hpp"
 
@@ -72,12 +73,12 @@ struct EstimatedArray {
 /// Force of every taxel with its covariance, block by block; arrays row by row, [taxels].
 ///
 /// The integration takes each scan; call `start` with the first one, and `close_block` whenever `block_time` has
-/// reached `block_duration`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a
+/// reached `kBlock`. The force at the start is assumed to be zero: a taxel that is loaded then reads zero, a
 /// negative force once the load is released, and zero soon after.
 class ForceEstimator {
 public:
   /// Throws std::invalid_argument where the array is none, or values are missing.
-  ForceEstimator(EstimatedArray array, const ErrorPriors& priors, double block_duration = kBlock);
+  ForceEstimator(EstimatedArray array, const ErrorPriors& priors);
 
   ~ForceEstimator() = default;
   ForceEstimator(const ForceEstimator&) = delete;
@@ -94,9 +95,6 @@ public:
 
   /// Duration of the current block so far [s].
   double block_time() const { return integration_->block().elapsed; }
-
-  /// Duration from which on a block is due [s].
-  double block_duration() const { return block_duration_; }
 
   /// Whether the forces of all taxels are valid.
   bool valid() const { return integration_->block().valid; }
@@ -180,21 +178,22 @@ private:
   double signal(std::size_t taxel) const;
   double offset(std::size_t taxel) const;
   double leak() const { return integration_->block().leak; }
+  /// Mean signal of a change of the film's temperature [N/K], and that change which makes no difference to the forces
+  /// [K].
+  double mean_per_kelvin() const { return integration_->mean_newton_per_kelvin(); }
+  double negligible() const { return integration_->limits().negligible; }
   double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
   double warmth_variance(std::size_t taxel) const;
   double whole_variance(std::size_t taxel) const;
   void forget_touch();
   double tail_spread() const;
   double film_rate() const;
-  void find_absorbed(std::vector<double>& out) const;
+  void find_absorbed();
   void follow_hidden(const Block& block);
-  bool warms() const;
   std::size_t usable() const;
 
-  void apply_clipped();
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   void start_over();
-  void integrate(double time);
   void start_block();
   void restart(const TaxelFlags& where);
 
@@ -216,18 +215,25 @@ private:
   Taxels held_taxels() const;
   SteadyWindow window_of(const Taxels& held) const;
 
+  bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
   bool was_misled();
   double unnoticed_change();
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
-  void measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
+
+  /// What a reading of the sensors differs from its expectation by [K], and the size of that in its deviations [1].
+  struct Contradiction {
+    double kelvin;
+    double deviations;
+  };
+
+  Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   void measure_zeros(std::size_t index);
   void find_slow_touches(const Block& block);
   void expect_small_forces(const Block& block);
   void find_residuals();
   void explain_by_temperature(std::size_t index);
-  bool rests_known() const;
   void open_hypothesis();
   void drop_hypothesis();
   void follow_unheated(const Block& block);
@@ -236,7 +242,7 @@ private:
   void judge(Block& block);
   UniformChange::Evidence evidence_of(const Block& block);
   void take_unheated(Block& block);
-  void restart_or_correct(const Block& block);
+  void restart_or_correct(Block& block);
   void find_released();
   void reset_released(const Block& block);
   void release(Block& block, const Vector<const Taxels*>& contacts);
@@ -257,13 +263,10 @@ private:
 
   EstimatedArray array_;
   ErrorPriors priors_;
-  double block_duration_;
-  double mean_per_kelvin_;
-  double negligible_;  ///< Change of the film's temperature that makes no difference to the forces [K].
   std::shared_ptr<ForceIntegration> integration_;
   SharedDynamics dynamics_;
   ForceErrorFilter filter_;
-  ForceErrorFilter unheated_filter_;  ///< Kept for the next hypothesis: to open one allocates no memory.
+  ForceErrorFilter unheated_;  ///< Without the hypothesis of `uniform_`, while that is open.
   TouchResponse touch_;
   TouchResponse unheated_touch_;  ///< Of the touch that there is without the hypothesis.
   UniformChange uniform_;
@@ -274,8 +277,8 @@ private:
   SteadyForce steady_force_;
   HeldForces held_forces_;
   ObjectHeating heating_;
+  ZeroRefutation refutation_;
   RestDetector rest_;
-  NegativeForceMonitor negative_;
   LowerBoundMonitor lower_bound_;
   ContactSurroundings surroundings_;
   LastBlocks blocks_;
@@ -283,27 +286,25 @@ private:
   TaxelFlags informative_;
   std::size_t restarts_ = 0;
   std::size_t processed_again_ = 0;
-  double recovering_ = 0.0;  ///< Time until forces may be valid after an interruption [s].
-  double agreed_ = 0.0;      ///< Time for which no taxel has restarted [s].
-  double rested_ = 0.0;      ///< Time since a contact was listed [s].
-  double unread_ = 0.0;      ///< Time since the last reading of the temperature sensors [s].
-  double last_duration_;     ///< Duration of the last block [s].
-  int unobserved_ = 0;       ///< Blocks since the last window of a steady force.
+  double recovering_ = 0.0;        ///< Time until forces may be valid after an interruption [s].
+  double rested_ = 0.0;            ///< Time since a contact was listed [s].
+  double unread_ = 0.0;            ///< Time since the last reading of the temperature sensors [s].
+  double last_duration_ = kBlock;  ///< Duration of the last block [s].
+  int unobserved_ = 0;             ///< Blocks since the last window of a steady force.
   std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks>
       recent_force_{};  ///< Of the last
                         ///< blocks [N].
   std::size_t recent_ = 0;
   std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
-  ForceErrorFilter* unheated_ = nullptr;   ///< `unheated_filter_`, the belief without the hypothesis of `uniform_`,
-                                           ///< while that is open.
   double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
   double leaked_since_ = 0.0;              ///< `Block::leaked_time` of the newest block [s].
   double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
   double expected_rate_ = 0.0;             ///< which is this one [K/s].
-  bool hot_ = false;                       ///< Whether this or the last touch has shown a hot film.
-  bool shown_hot_ = false;                 ///< Whether the present one has.
-  double touched_for_ = 0.0;               ///< How long it has lasted [s].
-  double doubt_ = 0.0;                     ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  double refuted_ = 0.0;  ///< By how much sensors contradict the zeros of the newest block [K]: something wide presses.
+  bool hot_ = false;      ///< Whether this or the last touch has shown a hot film.
+  bool shown_hot_ = false;    ///< Whether the present one has.
+  double touched_for_ = 0.0;  ///< How long it has lasted [s].
+  double doubt_ = 0.0;        ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].

@@ -58,9 +58,8 @@ public:
   void add_persistent(const bool* where, const double* residual, bool* odd);
 
   /// Process a block of `duration` [s]: residuals [N] that are unexplained where `odd`, uncorrected mean forces [N] and
-  /// the standard deviations of these [N]. The taxels whose residual is an error of the baseline are marked; returns
-  /// whether there are any.
-  bool update(const bool* odd, const double* residual, const double* mean, const double* noise, double duration,
+  /// the standard deviations of these [N]. The taxels whose residual is an error of the baseline are marked.
+  void update(const bool* odd, const double* residual, const double* mean, const double* noise, double duration,
               bool* errors);
 
   /// Forget everything but the averages.
@@ -150,16 +149,13 @@ public:
   /// from which on a taxel does not fit the pattern [1].
   static constexpr double kNoticeable = 3.0;
 
-  /// Greatest rate of a temperature [K/s], assumed.
-  static constexpr double kFastest = 3.0;
-
   /// Share of the taxels that may not fit the pattern [1].
   static constexpr double kMisfits = 0.2;
 
   /// Time after which the chip's sensors must show the change, and twice their lag [s]: three readings.
   static constexpr double kConfirmation = 0.3;
 
-  /// A new reading is awaited for this long [s]; a reading that did not change until then is a new one, too.
+  /// A new reading is awaited for this long [s].
   static constexpr double kInterval = 0.15;
 
   /// Share of it that they must show [1].
@@ -168,7 +164,8 @@ public:
   /// Least change that the sensors resolve, in deviations of what they show [1]; a smaller one is no contact.
   static constexpr double kDistinct = 4.0;
 
-  /// Time for which a refused hypothesis is not made again [s].
+  /// Time with known forces for which a refused hypothesis is not made again [s]: where the whole array was pressed, it
+  /// soon is again.
   static constexpr double kPause = 1.0;
 
   /// Pyroelectric signal of each taxel [N/K], and the relative standard deviation of these [1].
@@ -192,7 +189,7 @@ public:
                      double duration, bool noticed);
 
   /// Open the hypothesis that the forces rise with the film's temperature.
-  void begin();
+  void begin() { open_ = 0.0; }
 
   /// What the sensors say of the hypothesis.
   struct Evidence {

@@ -30,9 +30,9 @@ public:
   /// Time constants of the leakage after which no held force is left in the signals [1].
   static constexpr double kLeaked = 5.0;
 
-  /// Standard deviation of a reading [N]; greatest deviation of an untouched taxel's signal from the median [N]; time
-  /// to wait where all signals are within that spread [s]; leakage time constant [s].
-  RestDetector(std::size_t taxels, double noise, double offset_spread, double settle_time, double time_constant);
+  /// Standard deviation of a reading [N]; greatest deviation of an untouched taxel's signal from the median [N];
+  /// leakage time constant [s].
+  RestDetector(std::size_t taxels, double noise, double offset_spread, double time_constant);
 
   std::size_t taxels() const { return signal_.size(); }
 
@@ -51,7 +51,6 @@ private:
 
   double still_;
   double offset_spread_;
-  double settle_time_;
   double leak_time_;
   std::vector<double> signal_;  ///< Reference signals [N].
   double duration_ = 0.0;       ///< Time since the last motion [s].

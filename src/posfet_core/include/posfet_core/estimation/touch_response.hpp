@@ -19,9 +19,6 @@
 
 namespace posfet {
 
-/// Least time constant of a leak that is simulated, relative to that of the description [1].
-constexpr double kLeastLeak = 0.5;
-
 /// Responses of the force errors to the shared states.
 class TouchResponse {
 public:
@@ -52,7 +49,7 @@ public:
 
   /// Errors as far as the filter has estimated them.
   struct Known {
-    double leak;    ///< Relative error of the leak rates [1]: the charge leaks with tau*(1 + leak).
+    double leak;    ///< Relative error of the leak rates [1], > -1: the charge leaks with tau*(1 + leak).
     double warmth;  ///< Warmth of a touched taxel [K].
   };
 
