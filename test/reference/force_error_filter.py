@@ -116,7 +116,7 @@ class Belief:
         self.covariance[state, state] = variance
         self.slope[:, :, state] = 0.0
 
-    def know_force(self, where: Mask, shown: Array, response: Array, variance: Array) -> None:
+    def reset_force_error(self, where: Mask, shown: Array, response: Array, variance: Array) -> None:
         """Set the force errors of the masked taxels to what they show, less what the shared states cause.
 
         Parameters

@@ -189,15 +189,15 @@ def test_what_is_left_of_a_released_force_is_the_warmth_of_that_force_alone() ->
     for _ in range(500):
         each.advance(force, least, force, BLOCK, warmth=0.03)
     seems, certain = each.warm[2], -math.expm1(-0.1)
-    each.disown(2, -0.01, 0.03)  # below zero nothing is left
-    each.disown(2, 0.01, -0.03)  # a cold object adds to the signal
+    each.reduce_warmth(2, -0.01, 0.03)  # below zero nothing is left
+    each.reduce_warmth(2, 0.01, -0.03)  # a cold object adds to the signal
     assert each.warm[2] == seems
-    each.disown(2, 0.01, 0.03)
+    each.reduce_warmth(2, 0.01, 0.03)
     assert each.warm[2] == pytest.approx(seems - 0.01 / (0.03 * abs(PER_KELVIN[2])), rel=1e-9)
-    each.disown(2, 1.0, 0.03)
+    each.reduce_warmth(2, 1.0, 0.03)
     assert each.warm[2] == pytest.approx(certain, rel=1e-6)
     with pytest.raises(IndexError):
-        each.disown(TAXELS, 1.0, 0.03)
+        each.reduce_warmth(TAXELS, 1.0, 0.03)
 
 
 def test_without_a_calibration_no_more_warmth_is_expected_than_a_force_seems_to_cause() -> None:
@@ -207,7 +207,7 @@ def test_without_a_calibration_no_more_warmth_is_expected_than_a_force_seems_to_
     each.advance(np.append(WARMTH_FORCE, np.zeros(TAXELS - 1)), least, least, BLOCK)
     assert (warm := each.warm[0]) > 0.0
     assert not each.warm[1:].any()
-    each.disown(0, 1.0, 0.03)
+    each.reduce_warmth(0, 1.0, 0.03)
     assert each.warm[0] == warm, "what is left of its force tells its warmth"
 
 

@@ -46,7 +46,7 @@ def test_readings_in_turn_refute_zeros(
     policy = resting(lag_known)
     for each in deviations:
         policy.count(each, rate)
-    assert policy.lasts is lasts
+    assert policy.in_turn is lasts
 
 
 def test_a_press_is_forgotten_slowly_and_once_a_contact_shows_it() -> None:
@@ -68,4 +68,4 @@ def test_the_rate_at_rest_is_an_average_over_all_of_a_short_rest() -> None:
         policy.end_block(BLOCK, number * BLOCK, RATE, listed=False, rested=True)
     for _ in range(2):
         policy.count(9.0, 0.99 * RATE)
-    assert policy.lasts
+    assert policy.in_turn

@@ -349,7 +349,7 @@ class ForceEstimator:
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
         self._rested = 0.0  # time since a contact was listed [s]
-        self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
+        self._unconfirmed = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         scans = self._integration
         self._raw, self._change, self._correction, self._rate = scans.raw, scans.change, scans.correction, scans.rate
         self._sum, self._raw_sum, self._jumped = scans.sum, scans.raw_sum, scans.jumped
@@ -513,7 +513,7 @@ class ForceEstimator:
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
         shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops
-        belief.know_force(np.ones_like(self.ignored), shown, left, self._noise_variance)
+        belief.reset_force_error(np.ones_like(self.ignored), shown, left, self._noise_variance)
         mean, prior = start_mean(p), start_covariance(p)
         for state in np.flatnonzero(OF_TOUCH).tolist():
             belief.restart(state, float(mean[state]), float(prior[state, state]))
@@ -597,7 +597,7 @@ class ForceEstimator:
             released &= ~self._surroundings.dilated(shown)
         if released is not None and any_true(released):
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
-            self._touch.disown(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
+            self._touch.reduce_warmth(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
             block.response[:] = self._touch.matrix()
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
@@ -938,7 +938,7 @@ class ForceEstimator:
         hidden = hidden and self._rested >= LAG * BLOCK  # a release moves the rate, too
         if block is self._blocks[-1] and not math.isnan(block.reading):
             policy.count(deviations if hidden else 0.0, float(self.belief.shared[Shared.RATE]))
-        refuted = policy.lasts or (deviations > CONTRADICTED and self._was_misled())
+        refuted = policy.in_turn or (deviations > CONTRADICTED and self._was_misled())
         self._refuted = kelvin if hidden and refuted else 0.0
         policy.hidden = self._refuted or policy.hidden
         self._measure_zeros(block, beside)
@@ -1108,7 +1108,7 @@ class ForceEstimator:
     def _drop_hypothesis(self) -> None:
         """Keep the belief as it is: what the other one would say no longer matters."""
         self._uniform.close()
-        self._unheated, self._doubt = None, 0.0
+        self._unheated, self._unconfirmed = None, 0.0
 
     def _judge(self, block: Block, odd: Mask, where: Mask, residual: Array) -> None:
         """Act on the residuals of the newest block that no state explains."""
@@ -1133,14 +1133,16 @@ class ForceEstimator:
                 self._blocks.clear()
         if not self._uniform.open:
             self._unheated = None
-        self._doubt = claimed - shown if self._unheated is not None else 0.0
+        self._unconfirmed = claimed - shown if self._unheated is not None else 0.0
         rests = self._rested >= LAG * BLOCK  # a release moves the rate, too
         rate, shown = float(self.belief.shared[Shared.RATE]), any_true(block.listed)
         self._refutation.end_block(block.duration, self._age, rate, shown, rests)
         if self._unheated is None and rests and self._was_misled():
             before = self._blocks[0].before.shared
             passed = sum(each.span for each in self._blocks)
-            self._doubt = float(self.belief.shared[Shared.FILM] - before[Shared.FILM] - before[Shared.RATE] * passed)
+            self._unconfirmed = float(
+                self.belief.shared[Shared.FILM] - before[Shared.FILM] - before[Shared.RATE] * passed
+            )
         self._restart_or_correct(block, odd, residual)
 
     def _restart_or_correct(self, block: Block, odd: Mask, residual: Array) -> None:
@@ -1164,7 +1166,7 @@ class ForceEstimator:
                 warmth = (self._priors.warmth_mean * self._per_kelvin[cooling]) ** 2
                 for i, j in ((0, 0), (0, 4), (4, 0), (4, 4)):
                     belief.own[cooling, i, j] += warmth
-                belief.know_force(released, block.mean, block.response, block.noise)
+                belief.reset_force_error(released, block.mean, block.response, block.noise)
                 errors &= ~released
                 self._untouched_time[cooling] = 0.0
                 self._zero_known, self._refutation.hidden = True, 0.0
@@ -1215,7 +1217,7 @@ class ForceEstimator:
         ended = self._lower_bound.update(mean, still, block.duration)
         self._last_mean = mean
         if ended.any():
-            self.belief.know_force(ended, block.mean, block.response, block.noise)
+            self.belief.reset_force_error(ended, block.mean, block.response, block.noise)
             self._blocks.clear()  # to process them again would undo it
 
     def _warmth_variance(self) -> Array:
@@ -1327,7 +1329,7 @@ class ForceEstimator:
         self._untouched_variance = alone + self._filter.shared_variance(sensitivity)
         self._integration.held[:] = held
         self._factor[:, COUNT] = held * np.hypot(self._gain_common, NONLINEARITY * held)
-        self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
+        self._factor[:, COUNT + 1] = self._per_kelvin * self._unconfirmed
         self._lost[~self._touched] = 0.0
         absorbed = self._absorbed()
         self._follow_hidden(block, absorbed)
@@ -1371,7 +1373,11 @@ class ForceEstimator:
         if self._recovering > 0.0 or not sound.all():
             return False
         warmed = float(np.abs(self._per_kelvin * self.belief.shared[Shared.WARMTH] * self._touch.warm).sum())
-        if not any_touched and abs(self._doubt) <= self._negligible and warmed <= LEAST_DEVIATION * self._threshold:
+        if (
+            not any_touched
+            and abs(self._unconfirmed) <= self._negligible
+            and warmed <= LEAST_DEVIATION * self._threshold
+        ):
             return True
         if self._may_be_hot():
             return False
@@ -1427,7 +1433,7 @@ class ForceEstimator:
         self.force[:] = self._integration.held[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
         shown, variance = self._correction - self._touch.loops, self._noise_variance + belief.own[:, 1, 1]
-        belief.know_force(np.ones(len(signal), np.bool_), shown, self._touch.matrix(), variance)
+        belief.reset_force_error(np.ones(len(signal), np.bool_), shown, self._touch.matrix(), variance)
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._usual_offset[:] = belief.error[:, 1]
@@ -1455,7 +1461,7 @@ class ForceEstimator:
         belief.error[where, 3] = belief.error[where, 4] = 0.0
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
-        belief.know_force(where, self._raw - self._touch.loops, self._touch.matrix(), noise)
+        belief.reset_force_error(where, self._raw - self._touch.loops, self._touch.matrix(), noise)
         belief.own[where, 3, 3] = self._priors.pyroelectric**2
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.

@@ -128,7 +128,7 @@ class TouchResponse:
         between = np.exp(-least / own) - np.exp(-most * self._warmth_force_spread / self._warmth_force)
         self.range += warming * (between - self.range)
 
-    def disown(self, where: Mask, left: Array, warmth: float) -> None:
+    def reduce_warmth(self, where: Mask, left: Array, warmth: float) -> None:
         """Take what is left of released forces for their own warmth, as far as that was only the force's.
 
         Parameters

@@ -55,7 +55,7 @@ class ZeroRefutation:
         self._in_turn = self._in_turn + 1 if turned and self._lag_known and deviations > SURPRISING else 0
 
     @property
-    def lasts(self) -> bool:
+    def in_turn(self) -> bool:
         """Whether zeros are refuted by readings in turn."""
         return self._in_turn >= IN_TURN
 

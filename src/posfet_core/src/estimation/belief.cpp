@@ -134,7 +134,7 @@ void Belief::forget(std::size_t taxel, std::size_t state) {
   }
 }
 
-void Belief::know_force(std::size_t taxel, double shown, const double* response, double variance) {
+void Belief::reset_force_error(std::size_t taxel, double shown, const double* response, double variance) {
   forget(taxel, kForceError);
   error_of(taxel)[kForceError] = shown - dot(response, shared.data(), states());
   std::transform(response, response + states(), slope_of(taxel, kForceError), std::negate<>());

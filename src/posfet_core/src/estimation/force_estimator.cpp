@@ -267,7 +267,7 @@ void ForceEstimator::forget_touch() {
     const double shown = b.error_of(taxel)[kForceError] + dot(response, b.shared.data(), kSharedStates);
     std::array<double, kSharedStates> left{};
     left[kFilm] = response[kFilm];
-    b.know_force(taxel, shown + touch_.loops()[taxel], left.data(), noise_variance_[taxel]);
+    b.reset_force_error(taxel, shown + touch_.loops()[taxel], left.data(), noise_variance_[taxel]);
   }
   for (std::size_t state = 0; state < kSharedStates; ++state) {
     if (!is_of_touch(state)) {
@@ -311,8 +311,8 @@ void ForceEstimator::start(const double* charge) {
     s.held[taxel] = s.force[taxel] = std::max(left, 0.0);
     s.correction[taxel] = s.raw[taxel] - s.force[taxel];
     s.clipped[taxel] = 0.0;
-    b.know_force(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
-                 noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
+    b.reset_force_error(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
+                        noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
     leaked_share_[taxel] = -0.5 * last_duration_ / present_time_constant(taxel);
     driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
@@ -377,7 +377,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
     double* own = b.own_of(taxel);
     std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
     std::fill_n(own, kOwnStates * kOwnStates, 0.0);
-    b.know_force(taxel, s.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates, noise);
+    b.reset_force_error(taxel, s.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates, noise);
     error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
     own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
     if (s.offset_known[taxel]) {

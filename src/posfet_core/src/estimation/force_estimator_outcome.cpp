@@ -172,7 +172,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     double* factor = s.correlated_error.data() + taxel * kCauses;
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
     factor[kSharedStates] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
-    factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * doubt_;
+    factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * unconfirmed_;
     factor[kSharedStates + 2] = absorbed_[taxel] + hidden_[taxel];
     factor[kSharedStates + 3] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
@@ -192,7 +192,7 @@ void ForceEstimator::set_covariance(const Block& block) {
 /// Whether the forces are valid at the end of a block.
 bool ForceEstimator::is_valid() {
   bool sound = true;
-  bool may_touch = std::abs(doubt_) > negligible();
+  bool may_touch = std::abs(unconfirmed_) > negligible();
   double total = 0.0;
   double warmed = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

@@ -121,7 +121,7 @@ void ForceEstimator::step(std::size_t index) {
   if (index + 1 == blocks_.size() && !std::isnan(block.reading)) {
     refutation_.count(hidden ? found.deviations : 0.0, belief()->shared[kRate]);
   }
-  const bool refuted = refutation_.lasts() || (found.deviations > ZeroRefutation::kContradicted && was_misled());
+  const bool refuted = refutation_.in_turn() || (found.deviations > ZeroRefutation::kContradicted && was_misled());
   refuted_ = hidden && refuted ? found.kelvin : 0.0;
   if (refuted_ != 0.0) {
     refutation_.refute(refuted_);
@@ -387,7 +387,7 @@ void ForceEstimator::follow_unheated(const Block& block) {
 /// Keep the belief as it is: what the other one would say no longer matters.
 void ForceEstimator::drop_hypothesis() {
   uniform_.close();
-  doubt_ = 0.0;
+  unconfirmed_ = 0.0;
 }
 
 /// Act on the residuals of the newest block that no state explains.
@@ -403,7 +403,7 @@ void ForceEstimator::judge(Block& block) {
     uniform_.refuse();
     take_unheated(block);
   }
-  doubt_ = uniform_.open() ? evidence.claimed - evidence.shown : unnoticed_change();
+  unconfirmed_ = uniform_.open() ? evidence.claimed - evidence.shown : unnoticed_change();
   refutation_.end_block(block.duration, age(), belief()->shared[kRate], block.listed.any(), has_rested());
   restart_or_correct(block);
 }
@@ -543,7 +543,8 @@ void ForceEstimator::reset_released(const Block& block) {
       own[own_at(kOwnWarmth, kOwnWarmth)] += warmth;
     }
     if (zeros_[taxel]) {
-      belief()->know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
+      belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
+                                  block.noise[taxel]);
     }
   }
   zero_known_ = true;
@@ -576,7 +577,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   find_absorbed();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
-      touch_.disown(taxel, mean_[taxel], belief()->shared[kWarmth]);
+      touch_.reduce_warmth(taxel, mean_[taxel], belief()->shared[kWarmth]);
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);
@@ -612,7 +613,8 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
   last_mean_ = mean_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (ended[taxel]) {
-      belief()->know_force(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates, block.noise[taxel]);
+      belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
+                                  block.noise[taxel]);
     }
   }
   if (ended.any()) {

@@ -159,7 +159,7 @@ void bind_belief(const py::module_& module) {
           },
           py::arg("where"), py::arg("state"), "Make one state of the taxels exactly known.")
       .def(
-          "know_force",
+          "reset_force_error",
           [](Belief& belief, const Tested& where, const Values& shown, const Values& response, const Values& variance) {
             const bool* chosen = taxel_flags(where, belief, "where");
             const double* shows = shaped(shown, {belief.taxels()}, "shown");
@@ -167,7 +167,7 @@ void bind_belief(const py::module_& module) {
             const double* variances = shaped(variance, {belief.taxels()}, "variance");
             for (std::size_t taxel = 0; taxel < belief.taxels(); ++taxel) {
               if (chosen[taxel]) {
-                belief.know_force(taxel, shows[taxel], responses + taxel * belief.states(), variances[taxel]);
+                belief.reset_force_error(taxel, shows[taxel], responses + taxel * belief.states(), variances[taxel]);
               }
             }
           },

@@ -178,12 +178,12 @@ void bind_touch_response(const py::module_& module) {
           py::arg("force"), py::arg("least"), py::arg("most"), py::arg("duration"), py::arg("leak") = 0.0,
           py::arg("warmth") = 0.0, "Advance by a block.")
       .def(
-          "disown",
+          "reduce_warmth",
           [](TouchResponse& response, std::size_t taxel, double left, double warmth) {
             if (taxel >= response.warm().size()) {
               throw py::index_error("no such taxel");
             }
-            response.disown(taxel, left, warmth);
+            response.reduce_warmth(taxel, left, warmth);
           },
           py::arg("taxel"), py::arg("left"), py::arg("warmth"),
           "Take what is left of the force of a taxel that was released for the warmth of that force.")
@@ -398,7 +398,7 @@ void bind_zero_refutation(const py::module_& module) {
   py::class_<ZeroRefutation>(module, "ZeroRefutation", "Finds from temperature sensors that zeros are wrong.")
       .def(py::init<double, bool>(), py::arg("newton_per_kelvin"), py::arg("lag_known"))
       .def_property_readonly("hidden", &ZeroRefutation::hidden, "What zeros may have hidden of a wide press [K].")
-      .def_property_readonly("lasts", &ZeroRefutation::lasts, "Whether zeros are refuted by readings in turn.")
+      .def_property_readonly("in_turn", &ZeroRefutation::in_turn, "Whether zeros are refuted by readings in turn.")
       .def("may_hide", &ZeroRefutation::may_hide, py::arg("kelvin"),
            "Return whether a reading that is so far above its expectation is in the direction of a press.")
       .def("count", &ZeroRefutation::count, py::arg("deviations"), py::arg("rate"), "Count a reading.")

@@ -104,7 +104,7 @@ void TouchResponse::follow_loops(const std::vector<double>& force) {
   }
 }
 
-void TouchResponse::disown(std::size_t taxel, double left, double warmth) {
+void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth) {
   const double per_warm = -per_kelvin_[taxel] * warmth;
   if (left > 0.0 && per_warm > 0.0 && warmth_certain_ > 0.0) {
     const double own = std::min(left, per_warm * std::max(warm_[taxel] - certain_[taxel], 0.0));

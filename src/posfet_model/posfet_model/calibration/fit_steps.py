@@ -66,7 +66,7 @@ COVER_PRIOR: Final = 0.5
 MIN_UNTOUCHED: Final = 3
 """Fewest untouched taxels from which the common-mode signal is known."""
 
-WARMTH_DOUBT: Final = (3e-3, 0.25)
+WARMTH_UNCERTAINTY: Final = (3e-3, 0.25)
 """Standard deviation of the temperature rise from touch to touch: absolute [K], and relative to it [1]; assumed."""
 
 
@@ -260,7 +260,7 @@ class FitSteps:
         if self.bench.hold is None:
             return
         nominal = self.fit_all(before)
-        if abs(float(nominal.common[POLES])) < WARMTH_DOUBT[0]:
+        if abs(float(nominal.common[POLES])) < WARMTH_UNCERTAINTY[0]:
             return  # no more than the taxels may differ by: what fits best is that of something else
 
         def fit_with(time: float, force: float) -> ResponseFit:
@@ -397,9 +397,9 @@ class FitSteps:
         self, values: Sequence[float], nominal: float, spread: float, fit_with: Callable[[float], ResponseFit]
     ) -> float:
         """Return the value with which a fit is the likeliest, downhill from the nominal one."""
-        doubts = [(math.log(value / nominal) / spread) ** 2 for value in values]
+        penalties = [(math.log(value / nominal) / spread) ** 2 for value in values]
         fits: dict[int, ResponseFit] = {}
-        middle, least = -1, int(np.argmin(doubts))
+        middle, least = -1, int(np.argmin(penalties))
         while middle != least and 0 < least < len(values) - 1:
             middle = least
             near = range(middle - 1, middle + 2)
@@ -409,7 +409,7 @@ class FitSteps:
             variances = min(
                 (fits[index].variances(self.bench.noise) for index in near), key=lambda each: sum(each.values())
             )
-            unlikely = [fits[index].square_sum(variances) + doubts[index] for index in near]
+            unlikely = [fits[index].square_sum(variances) + penalties[index] for index in near]
             least = near[int(np.argmin(unlikely))]
         return least_of_parabola([values[index] for index in near], unlikely)
 

@@ -51,7 +51,7 @@ from posfet_model.calibration.fit_checks import (
     check_responses,
     check_temperature,
 )
-from posfet_model.calibration.fit_steps import POLES, WARMTH_DOUBT, FitSteps
+from posfet_model.calibration.fit_steps import POLES, WARMTH_UNCERTAINTY, FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
 from posfet_model.calibration.response_fit import ResponseFit, fit_responses
 from posfet_model.calibration.stuck_bits import find_stuck_bits
@@ -71,7 +71,7 @@ DEAD_GAIN: Final = 0.1
 ATYPICAL: Final = 3.0
 """Forces of a third of the typical one and three times as strong are one standard deviation from it [1], assumed."""
 
-HYSTERESIS_DOUBT: Final = 0.03
+HYSTERESIS_UNCERTAINTY: Final = 0.03
 """Standard deviation of the size of a relaxation pole, relative to the sum of the weights w of the play operators [1]:
 loops of other half widths than these three leave that much, as measured on films with one to five others."""
 
@@ -166,13 +166,13 @@ def _calibration(
     poles = POLES if bench.hold is not None else 0
     weights = np.median([each.coefficients[1:] / each.gain for each in found.taxels.values()], axis=0)
     atypical = loop_slopes(TYPICAL_FORCE / ATYPICAL) - loop_slopes(TYPICAL_FORCE * ATYPICAL)
-    doubt = HYSTERESIS_DOUBT * np.abs(weights).sum()
-    deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)[:poles]), doubt)
+    unknown = HYSTERESIS_UNCERTAINTY * np.abs(weights).sum()
+    deviations = np.hypot(np.sqrt(np.diag(found.common_covariance)[:poles]), unknown)
     warmth, warmth_deviation = 0.0, NOMINAL_WARMTH_DEVIATION
     deviation = math.sqrt(float(found.common_covariance[poles, poles])) if poles else math.inf
     if deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles])
-        warmth_deviation = math.hypot(deviation, WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth))
+        warmth_deviation = math.hypot(deviation, WARMTH_UNCERTAINTY[0] + WARMTH_UNCERTAINTY[1] * abs(warmth))
     spreads = np.array((1.0, *COVER_SPREADS) if len(bench.cover) > 1 else ()) * sensor.device.contact_spread
     film_lag, sensor_lag = sensor.device.thermal_time_constant, 0.0
     temperature: dict[str, float] = {}

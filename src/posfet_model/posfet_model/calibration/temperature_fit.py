@@ -71,7 +71,7 @@ class TemperatureFit:
         return not LAGS[0] < self.lag < LAGS[-1]
 
 
-LEAK_DOUBT: Final = 5e-3
+LEAK_UNCERTAINTY: Final = 5e-3
 """Standard deviation of what leak rates increase by per temperature, besides that of the fit [1/K], assumed: a
 pyroelectric coefficient that changes with temperature looks the same, and so does 1/f noise over these seconds."""
 
@@ -156,5 +156,5 @@ def _at(time: Array, temperature: Array, common: Array, unseen: Array, film_lag:
     scale = per_kelvin if abs(per_kelvin) > 1e-9 else 1e-9
     left = delayed - columns @ found
     spread = np.linalg.pinv(columns.T @ columns)[2, 2] * float(left @ left) / max(len(time) - 4, 1)
-    deviation = math.hypot(math.sqrt(spread), LEAK_DOUBT)
+    deviation = math.hypot(math.sqrt(spread), LEAK_UNCERTAINTY)
     return TemperatureFit(lag, per_kelvin, float(found[1]), float(found[2]), deviation, left / scale)

@@ -18,7 +18,7 @@ from posfet_model.sensor.description import Layout
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
-FOREIGN_LAYOUT: Final = 0
+UNRELATED_LAYOUT: Final = 0
 """Layout id that no sensor has: theirs begin at 1."""
 
 
@@ -37,7 +37,7 @@ class ScanReader:
         scan.stamp = stamp.sec * NANOSECONDS + min(stamp.nanosec, NANOSECONDS - 1)
         # A scan has no rows and columns of its own: a message with others is treated as of another layout.
         fits = (message.rows, message.cols) == self._shape
-        scan.layout_id = message.layout_id if fits else FOREIGN_LAYOUT
+        scan.layout_id = message.layout_id if fits else UNRELATED_LAYOUT
         scan.sequence = message.sequence
         scan.device_time = message.device_time
         scan.counts = np.asarray(message.counts)

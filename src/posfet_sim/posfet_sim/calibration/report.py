@@ -138,7 +138,7 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         calibration.relaxation_deviations,
         strict=True,
     )
-    sizes = [f"{100 * size:.2f} +- {100 * doubt:.2f} % in {tau:g} s" for tau, size, doubt in poles]
+    sizes = [f"{100 * size:.2f} +- {100 * deviation:.2f} % in {tau:g} s" for tau, size, deviation in poles]
     numbers.append(("relaxation and creep", ", ".join(sizes) or "not observable: the recording has no long hold"))
     loops = zip(calibration.hysteresis_half_widths, calibration.hysteresis_weights, strict=True)
     sizes = [f"{100 * weight:.2f} % of {1e3 * width:.0f} mN" for width, weight in loops]
@@ -151,8 +151,8 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         warmth = "not observable: it needs a long hold, and a light touch beside strong ones"
     numbers.append(("temperature rise of a touched taxel", warmth))
     sizes = [
-        f"{1e3 * size:.2f} +- {1e3 * doubt:.2f} mN/N {name}".rstrip()
-        for name, size, doubt in zip(
+        f"{1e3 * size:.2f} +- {1e3 * deviation:.2f} mN/N {name}".rstrip()
+        for name, size, deviation in zip(
             ("", "in x", "in y", "around the place that is pressed"),
             calibration.bending,
             calibration.bending_deviation,

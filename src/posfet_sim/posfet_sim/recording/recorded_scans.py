@@ -26,7 +26,7 @@ RAW: Final = "posfet_msgs/TactileRaw"
 """Type of the scans."""
 INFO: Final = "posfet_msgs/TactileInfo"
 """Type of the description of an array."""
-FOREIGN_LAYOUT: Final = 0
+UNRELATED_LAYOUT: Final = 0
 """Layout id that no sensor has: theirs begin at 1."""
 INFO_WITHIN: Final = 10_000
 """Messages among which the description of the array is looked for: it is sent before the first scan."""
@@ -63,7 +63,7 @@ class ScanMessages:
             shape = int(values["rows"]), int(values["cols"]), counts.size
             scan = self._scan
             scan.stamp = int(stamp["sec"]) * NANOSECONDS + min(int(stamp["nanosec"]), NANOSECONDS - 1)
-            scan.layout_id = int(values["layout_id"]) if shape == self._shape else FOREIGN_LAYOUT
+            scan.layout_id = int(values["layout_id"]) if shape == self._shape else UNRELATED_LAYOUT
             scan.sequence = int(values["sequence"])
             temperatures = np.asarray(values.get("temperatures", self._unknown), np.float32)
             scan.device_time = int(values.get("device_time", 0))

@@ -83,7 +83,7 @@ public:
 
   /// The error of a force is all that a taxel shows [N], less what the shared states cause by its response to them,
   /// [states], with a variance [N2], and independent of its other states: the force itself is known.
-  void know_force(std::size_t taxel, double shown, const double* response, double variance);
+  void reset_force_error(std::size_t taxel, double shown, const double* response, double variance);
 
   /// Variance of the errors of a taxel's force, d + r, given the shared states [N2].
   double own_variance(std::size_t taxel) const {

@@ -304,7 +304,7 @@ private:
   bool hot_ = false;      ///< Whether this or the last touch has shown a hot film.
   bool shown_hot_ = false;    ///< Whether the present one has.
   double touched_for_ = 0.0;  ///< How long it has lasted [s].
-  double doubt_ = 0.0;        ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  double unconfirmed_ = 0.0;  ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].

@@ -60,7 +60,7 @@ public:
 
   /// Take what is left of the force of a taxel that was released [N] for the warmth of that force, as far as it was no
   /// other's, at a common warmth [K]. Without an expected one, what is left tells the warmth.
-  void disown(std::size_t taxel, double left, double warmth);
+  void reduce_warmth(std::size_t taxel, double left, double warmth);
 
   /// Find the responses h of the force errors to the shared states, [taxels, states].
   void matrix(std::vector<double>& response) const;

@@ -42,7 +42,7 @@ public:
   void count(double deviations, double rate);
 
   /// Whether zeros are refuted by readings in turn.
-  bool lasts() const { return in_turn_ >= kInTurn; }
+  bool in_turn() const { return in_turn_ >= kInTurn; }
 
   /// Record that zeros have been refuted by a reading [K].
   void refute(double kelvin) { hidden_ = kelvin; }
