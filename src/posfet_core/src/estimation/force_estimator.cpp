@@ -453,14 +453,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     begun = begun || (block.touched[taxel] && !touched_[taxel] && !was_small);
   }
   refuted_ = 0.0;
-  if (!begun) {
-    step(blocks_.size() - 1);
-    begun = refuted_ != 0.0 && blocks_.size() > 0;
-    for (std::size_t taxel = 0; begun && taxel < taxels(); ++taxel) {
-      block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
-    }
-  }
-  if (begun) {
+  if (begun || is_refuted(block)) {
     process_again(block.touched);
     filter_.predicted(block.response.data(), values_.data());
     std::transform(block.mean.begin(), block.mean.end(), values_.begin(), mean_.begin(), std::minus<>());
@@ -478,6 +471,18 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     throw std::domain_error("no film survives this temperature");
   }
   finish(block);
+}
+
+/// Process the newest block; return whether the sensors refute its zeros. All of its taxels are touched, then.
+bool ForceEstimator::is_refuted(Block& block) {
+  step(blocks_.size() - 1);
+  if (refuted_ == 0.0 || blocks_.size() == 0) {
+    return false;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
+  }
+  return true;
 }
 
 /// Find the taxels whose force is not known to be none or small: those in contact, those that a touch may have begun

@@ -201,6 +201,14 @@ double ForceEstimator::find_moved_share(const Block& block) {
   return total > 0.0 && before > kBegun ? 0.5 * moved : 0.0;  // a touch that begins has not moved
 }
 
+/// Take the variance of what has leaked unseen while the signal of a taxel was clipped [N2]: that adds to what is wrong
+/// already.
+double ForceEstimator::clipped_noise(std::size_t taxel) {
+  const double clipped = std::exchange(state().clipped[taxel], 0.0);
+  const double wrong = std::max(belief()->own_of(taxel)[own_at(kForceError, kForceError)], 0.0);
+  return square(std::sqrt(wrong) + clipped) - wrong;
+}
+
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
 void ForceEstimator::measure_process_noise(Block& block) {
   const double scans_square = integration_->block().square;
@@ -227,12 +235,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     double& grown = own[own_at(kForceError, kForceError)];
     const double stepped = jumps_.variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
-    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped;
-    if (double& clipped = state().clipped[taxel]; clipped > 0.0) {  // what leaked unseen adds to what is wrong already
-      const double wrong = std::max(belief()->own_of(taxel)[own_at(kForceError, kForceError)], 0.0);
-      grown += square(std::sqrt(wrong) + clipped) - wrong;
-      clipped = 0.0;
-    }
+    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + clipped_noise(taxel);
     const double warmed = warmth_variance(taxel);
     const double warmth = touch_.warm()[taxel] + touch_.range()[taxel];
     const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;

@@ -193,6 +193,7 @@ private:
   std::size_t usable() const;
 
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
+  bool is_refuted(Block& block);
   void start_over();
   void start_block();
   void restart(const TaxelFlags& where);
@@ -206,6 +207,7 @@ private:
   void find_tails(Block& block);
   double held_force(const Block& block, std::size_t taxel) const;
   double find_moved_share(const Block& block);
+  double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
   void observe_rest(bool listed);
