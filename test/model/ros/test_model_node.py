@@ -28,7 +28,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -272,8 +271,9 @@ def test_displays_get_the_same_few_scans_on_every_topic(bench: Bench) -> None:
     bench.spin_until(lambda: all(len(messages) == len(expected) for messages in shown.values()))
     for topic, messages in shown.items():
         assert [message.sequence for message in messages] == expected
-        same = {message.sequence: serialize_message(message) for message in full[topic]}
-        assert [serialize_message(message) for message in messages] == [same[number] for number in expected]
+        # As text: NaN is not equal to itself, and the padding of serialized messages is any bytes.
+        same = {message.sequence: repr(message) for message in full[topic]}
+        assert [repr(message) for message in messages] == [same[number] for number in expected]
 
 
 def test_what_is_for_displays_is_computed_for_their_scans_only(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
