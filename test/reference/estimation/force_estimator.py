@@ -47,7 +47,7 @@ from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
-from reference.estimation.zero_refutation import CONTRADICTED, ZeroRefutation
+from reference.estimation.zero_refutation import CONTRADICTED, SURPRISING, ZeroRefutation
 from reference.reductions import any_true, median, upper_median
 
 BLOCK: Final = 0.02
@@ -67,9 +67,6 @@ RESUME_TIME: Final = 0.04
 
 LOST_FORCE_TIME: Final = 2.0
 """Time after which a force without which an object released counts as none after an interruption [s]."""
-
-SURPRISING: Final = 3.0
-"""Deviations from which on a reading of the temperature sensors is unexpected [1]."""
 
 LONG_STEP: Final = 0.05
 """h/tau above which the time of a force change within a step matters [1]."""

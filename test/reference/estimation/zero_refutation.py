@@ -16,10 +16,10 @@ CONTRADICTED: Final = 2.0
 """Deviations by which a reading must contradict zeros that have changed the rate beyond its dynamics [1]."""
 
 SURPRISING: Final = 3.0
-"""Deviations by which it must without such a change [1]."""
+"""Deviations from which on a reading of the temperature sensors is unexpected [1]."""
 
 IN_TURN: Final = 2
-"""Number of readings in turn that must do so [1]."""
+"""Number of unexpected readings in turn that contradict them without such a change [1]."""
 
 MEMORY: Final = 10.0
 """Time in which the rate at rest is averaged, and a press is forgotten that no contact shows [s], assumed."""

@@ -121,9 +121,9 @@ void ForceEstimator::step(std::size_t index) {
   if (index + 1 == blocks_.size() && !std::isnan(block.reading)) {
     refutation_.count(hidden ? found.deviations : 0.0, belief()->shared[kRate]);
   }
-  const bool refuted = refutation_.in_turn() || (found.deviations > ZeroRefutation::kContradicted && was_misled());
-  refuted_ = hidden && refuted ? found.kelvin : 0.0;
-  if (refuted_ != 0.0) {
+  refuted_ = 0.0;
+  if (hidden && (refutation_.in_turn() || (found.deviations > ZeroRefutation::kContradicted && was_misled()))) {
+    refuted_ = found.kelvin;
     refutation_.refute(refuted_);
   }
   measure_zeros(index);

@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "force_estimator_constants.hpp"
+
 namespace posfet {
 
 void ZeroRefutation::count(double deviations, double rate) {

@@ -21,8 +21,7 @@ public:
   /// Deviations by which a reading must contradict zeros that have changed the rate beyond its dynamics [1].
   static constexpr double kContradicted = 2.0;
 
-  /// Deviations by which it must without such a change, and how many readings in turn [1].
-  static constexpr double kSurprising = 3.0;
+  /// Number of unexpected readings in turn that contradict them without such a change [1].
   static constexpr int kInTurn = 2;
 
   /// Time over which the rate at rest is averaged, and in which a press is forgotten that no contact shows [s],
