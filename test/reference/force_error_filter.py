@@ -236,6 +236,18 @@ class ForceErrorFilter:
         """
         self._become(np.eye(len(direction)), np.outer(direction, direction) * variance)
 
+    def widen(self, direction: Array, variance: float) -> None:
+        """Raise the uncertainty of the shared states, and with it that of the taxels' errors, which follow from them.
+
+        Parameters
+        ----------
+        direction : ndarray of float64, shape [shared]
+            How the shared states may have been wrong together.
+        variance : float
+            Variance of the size of that error [1].
+        """
+        self.belief.covariance = self.belief.covariance + np.outer(direction, direction) * variance
+
     def _become(self, matrix: Array, noise: Array) -> None:
         """Replace the covariance of the shared states, and regress the taxels' errors on the new one.
 

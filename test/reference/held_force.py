@@ -184,9 +184,13 @@ def hold(
     wrong = COMMON_LEAKAGE * random.standard_normal() + OWN_LEAKAGE * random.standard_normal(taxels)
     leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
     optimal = None if untouched else _OptimalEstimator(sensor, flicker, drift, leakage)
-    # Both estimators know that the ramp begins with the touch.
-    touch_rate = drift.ramp / (force * (taxels - untouched)) if drift else 0.0
-    estimated, touched = _estimated(sensor, leakage_estimated, touch_rate), np.zeros(taxels, np.bool_)
+    known = replace(KNOWN_FILM, leak_calibrated=COMMON_LEAKAGE if leakage_estimated else EXACT, touch_rate=0.0)
+    if drift:
+        # Both estimators know that the ramp begins with the touch, and so what the film did before the start.
+        rate = drift.random_walk / math.sqrt(2.0 * sensor.device.leak_time_constant)
+        known = replace(known, earlier=max(rate, EXACT), touch_rate=drift.ramp / (force * (taxels - untouched)))
+    estimated = _estimated(sensor, known, OWN_LEAKAGE if leakage_estimated else EXACT)
+    touched = np.zeros(taxels, np.bool_)
     recent: deque[NDArray[np.float64]] = deque(maxlen=100)
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
@@ -243,17 +247,16 @@ class _OptimalEstimator:
         self._mean[:] = 0.0
 
 
-def _estimated(sensor: Sensor, leakage_estimated: bool, touch_rate: float) -> ForceEstimator:
+def _estimated(sensor: Sensor, known: ErrorPriors, own_leakage: float) -> ForceEstimator:
     """Return the estimator with a recorded calibration without error, and exact gains."""
-    common, own = (COMMON_LEAKAGE, OWN_LEAKAGE) if leakage_estimated else (EXACT, EXACT)
     calibration = replace(
         Calibration.nominal(sensor),
         residuals=Residuals(0.0, 0.0, 1),
         gain_deviation=np.full(sensor.layout.taxels, EXACT),
         common_gain_deviation=EXACT,
-        leak_deviation=np.full(sensor.layout.taxels, own),
+        leak_deviation=np.full(sensor.layout.taxels, own_leakage),
     )
-    return ForceEstimator(sensor, replace(KNOWN_FILM, leak_calibrated=common, touch_rate=touch_rate), calibration)
+    return ForceEstimator(sensor, known, calibration)
 
 
 def _observe(

@@ -24,7 +24,7 @@ from support.example_counts import each_of, examples
 Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")
 STEPS = (
-    "predict", "update", "update_alone", "admit", "measure_shared", "measure_temperature", "restart_temperature",
+    "predict", "update", "update_alone", "admit", "widen", "measure_shared", "measure_temperature", "restart_temperature",
     "integrate", "respond", "cool", "forget_small_forces", "forget", "restart",
 )  # fmt: skip
 
@@ -108,6 +108,8 @@ class Both:
 
     def _admit(self) -> tuple[Array, float]:
         return self.random.standard_normal(self.states), 0.3
+
+    _widen = _admit
 
     def _measure_shared(self) -> tuple[float, Array, float]:
         return 0.4, self.random.standard_normal(self.states), 0.2

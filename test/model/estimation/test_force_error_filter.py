@@ -556,6 +556,17 @@ def test_an_admitted_change_is_independent_of_the_errors_of_the_taxels() -> None
     np.testing.assert_array_equal(mine.mean, dense.mean)
 
 
+def test_a_widened_error_of_the_shared_states_is_one_of_the_taxels_too() -> None:
+    random = np.random.default_rng(12)
+    belief = random_belief(random, 3, 4)
+    dense, direction = as_dense(belief), random.standard_normal(3)
+    slopes = belief.slope @ direction
+    ForceErrorFilter(belief).widen(direction, 0.3)
+    both = np.r_[direction, slopes.ravel()]
+    dense.covariance += 0.3 * np.outer(both, both)
+    assert_same(belief, dense, 1)
+
+
 def test_integrating_forth_and_back_changes_nothing() -> None:
     random = np.random.default_rng(11)
     belief, leaked = random_belief(random, 3, 4), random.uniform(0.01, 0.3, 4)

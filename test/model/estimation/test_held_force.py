@@ -41,9 +41,9 @@ def test_a_held_force_is_covered_during_a_random_walk_of_the_temperature() -> No
 @pytest.mark.parametrize(
     ("flicker", "rest", "times"),
     [
+        (0.0, 2.0, (1.0, 5.0, 20.0)),
         (10e-6, 2.0, (5.0, 20.0)),
         (30e-6, 2.0, (5.0, 20.0)),
-        unmet(WALKS, 0.0, 2.0, (1.0, 5.0, 20.0)),
         *(unmet(WALKS, flicker, 2.0, (1.0,)) for flicker in (10e-6, 30e-6)),
         *(unmet(REST, flicker, 0.3, (1.0, 5.0, 20.0)) for flicker in (0.0, 10e-6, 30e-6)),
     ],
@@ -87,7 +87,7 @@ def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
     assert _coverage(found) >= 0.94  # standard error 1 %, as above
 
 
-@pytest.mark.parametrize(("random_walk", "limit"), [(1e-3, 1.35), unmet(LOOKS, 2e-3, 1.35), unmet(LOOKS, 4e-3, 2.0)])
+@pytest.mark.parametrize(("random_walk", "limit"), [(1e-3, 1.35), (2e-3, 1.35), unmet(LOOKS, 4e-3, 2.0)])
 def test_a_held_force_is_nearly_as_accurate_during_random_walk_temperature_drift(
     random_walk: float, limit: float
 ) -> None:

@@ -44,7 +44,7 @@ from reference.estimation.known_forces import (
 from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
-from reference.estimation.temperature_walk import TemperatureWalk
+from reference.estimation.temperature_walk import LEAST_TIME, MEMORY, TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
 from reference.estimation.zero_refutation import CONTRADICTED, SURPRISING, ZeroRefutation
@@ -118,7 +118,6 @@ OF_TOUCH: Final = np.isin(
 """Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
 tell nothing of the shared states."""
 
-DRIFTING: Final = np.eye(COUNT)[Shared.DRIFT]
 """Change of the shared states with the common drift."""
 
 LEAST_DEVIATION: Final = 1.0
@@ -566,7 +565,7 @@ class ForceEstimator:
         begun = touched & ~self._touched
         if any_true(self._listed):
             begun &= ~self._beside  # where forces were small ones, and no zeros
-        self._observe_rest(any_true(listed))
+        self._observe_rest(block)
         self._blocks.append(block)
         if self._unheated is not None:
             self._follow_unheated(block)
@@ -641,12 +640,12 @@ class ForceEstimator:
             was = self._touched
         return usable & was & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
 
-    def _observe_rest(self, listed: bool) -> None:
+    def _observe_rest(self, block: Block) -> None:
         """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
-        self._rested = 0.0 if listed else self._rested + self._elapsed
+        self._rested = 0.0 if any_true(block.listed) else self._rested + self._elapsed
         at_rest = len(self._blocks) == LAG and self._rested >= LAG * BLOCK + QUIET
         self._observe_steps(at_rest)
-        if not at_rest:
+        if not at_rest or any_true(block.touched):
             self._walk.pause()
             return
         usable = ~self.ignored
@@ -661,8 +660,14 @@ class ForceEstimator:
         known = self._walk.intensity
         self._walk.observe(kelvin, noise, after.span)
         if (grown := self._walk.intensity - known) > 0.0:
-            # A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
-            self._filter.admit(DRIFTING, self._mean_per_kelvin**2 * grown / self._age)
+            # A walk that was not expected counted as a drift of the offsets, as far as it can look like one. The film
+            # warmed by less then, since the start, and zeros were the same.
+            drifting = np.zeros(COUNT)
+            drifting[Shared.DRIFT] = 1.0
+            drifting[Shared.RATE] = -1.0 / self._mean_per_kelvin
+            drifting[[Shared.CHIP, Shared.FILM, Shared.SENSOR]] = self._age * drifting[Shared.RATE]
+            observed = min(self._age, MEMORY * LEAST_TIME)
+            self._filter.widen(drifting, (self._mean_per_kelvin / self._age) ** 2 * grown * observed)
         self._dynamics.set_film_walk(self._walk.intensity)
 
     def _observe_steps(self, at_rest: bool) -> None:
@@ -761,6 +766,12 @@ class ForceEstimator:
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
         grown += differs
         own_noise[:, 0, 4] = own_noise[:, 4, 0] = own_noise[:, 4, 4] = differs
+        if self._may_be_hot():
+            # A taxel counts as untouched once its warmth, which no response knows, is no more than a contact threshold.
+            cools = self._touched & ~touched
+            grown[cools] += self._threshold**2
+            for row, column in ((0, 4), (4, 0), (4, 4)):
+                own_noise[cools, row, column] += self._threshold**2
         tail_moved, moved = 0.0, self._moved_share(held)
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()

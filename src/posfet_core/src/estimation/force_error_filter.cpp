@@ -74,6 +74,18 @@ void ForceErrorFilter::admit(const double* direction, double variance) {
   become(same.data(), noise.data());
 }
 
+void ForceErrorFilter::widen(const double* direction, double variance) {
+  Belief& b = *belief_;
+  const std::size_t states = b.states();
+  covariance_ = b.covariance();
+  for (std::size_t row = 0; row < states; ++row) {
+    for (std::size_t column = 0; column < states; ++column) {
+      covariance_[row * states + column] += direction[row] * direction[column] * variance;
+    }
+  }
+  b.set_covariance(covariance_);
+}
+
 /// Replace the covariance S of the shared states by P = F S F' + Q, and regress the taxels' errors on the new states:
 /// on them the old ones have the regression A = S F' P^-1, which leaves D = S - A P A' of their covariance.
 void ForceErrorFilter::become(const double* matrix, const double* noise) {

@@ -440,8 +440,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   find_touched(block);
   measure(block);
   follow_touch(block);
-  const bool any_listed = block.listed.any();
-  observe_rest(any_listed);
+  observe_rest(block);
   blocks_.push();
   if (uniform_.open()) {
     follow_unheated(block);

@@ -216,6 +216,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const bool touch = block.touched.any() || touch_.responding() || touched_.any();
   const double spread = square(tail_spread());
   const double cooled = -std::expm1(-block.span / priors_.warmth_time);
+  const bool hot = may_be_hot();
   double whole = 0.0;
   double moved = 0.0;
   double total = 0.0;
@@ -244,6 +245,13 @@ void ForceEstimator::measure_process_noise(Block& block) {
     own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
     own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
     grown += differs;
+    if (hot && touched_[taxel] && !block.touched[taxel]) {
+      // A taxel counts as untouched once its warmth, which no response knows, is no more than a contact threshold.
+      const double unknown = square(array_.threshold);
+      grown += unknown;
+      own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] += unknown;
+      own[own_at(kOwnWarmth, kOwnWarmth)] += unknown;
+    }
     const double warming = warmed - warmed_[taxel];
     warmed_[taxel] = warmed;
     if (touch) {
@@ -275,11 +283,11 @@ void ForceEstimator::measure_process_noise(Block& block) {
 }
 
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.
-void ForceEstimator::observe_rest(bool listed) {
-  rested_ = listed ? 0.0 : rested_ + block_time();
+void ForceEstimator::observe_rest(const Block& block) {
+  rested_ = block.listed.any() ? 0.0 : rested_ + block_time();
   const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * kBlock + kQuiet;
   observe_steps(at_rest);
-  if (!at_rest) {
+  if (!at_rest || block.touched.any()) {
     walk_.pause();
     return;
   }
@@ -299,10 +307,14 @@ void ForceEstimator::observe_rest(bool listed) {
   const double known = walk_.intensity();
   walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
   if (const double grown = walk_.intensity() - known; grown > 0.0) {
-    // A walk that was not expected counted as a drift of the offsets, as far as it can look like one.
+    // A walk that was not expected counted as a drift of the offsets, as far as it can look like one. The film warmed
+    // by less then, since the start, and zeros were the same.
     std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
-    filter_.admit(drifting.data(), square(mean_per_kelvin()) * grown / age());
+    drifting[kRate] = -1.0 / mean_per_kelvin();
+    drifting[kChip] = drifting[kFilm] = drifting[kSensor] = age() * drifting[kRate];
+    const double observed = std::min(age(), TemperatureWalk::kMemory * TemperatureWalk::kLeastTime);
+    filter_.widen(drifting.data(), square(mean_per_kelvin() / age()) * grown * observed);
   }
   dynamics_.set_film_walk(walk_.intensity());
 }

@@ -311,7 +311,14 @@ void bind_filter(const py::module_& module) {
           [](ForceErrorFilter& filter, const Values& direction, double variance) {
             filter.admit(shaped(direction, {filter.belief()->states()}, "direction"), variance);
           },
-          py::arg("direction"), py::arg("variance"), "Raise the uncertainty of the shared states.");
+          py::arg("direction"), py::arg("variance"), "Raise the uncertainty of the shared states.")
+      .def(
+          "widen",
+          [](ForceErrorFilter& filter, const Values& direction, double variance) {
+            filter.widen(shaped(direction, {filter.belief()->states()}, "direction"), variance);
+          },
+          py::arg("direction"), py::arg("variance"),
+          "Raise the uncertainty of the shared states, and with it that of the taxels' errors.");
   bind_measurements(bound);
   bind_updates(bound);
 }

@@ -58,6 +58,10 @@ public:
   /// a direction, [states], by a size of this variance.
   void admit(const double* direction, double variance);
 
+  /// Raise the uncertainty of the shared states and of all that follows from them: they may have been wrong together in
+  /// a direction, [states], by a size of this variance, and the taxels' errors with them.
+  void widen(const double* direction, double variance);
+
   /// Find the residuals of measured errors of the forces [N], their sensitivities g to the shared states, and their
   /// expected deviations [N]; with responses h, [taxels, states], and variances R of the measurements [N2]. Each output
   /// has one value or row for each taxel.

@@ -210,7 +210,7 @@ private:
   double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
   void take_reading(Block& block);
-  void observe_rest(bool listed);
+  void observe_rest(const Block& block);
   void observe_steps(bool at_rest);
   double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
   void observe_steady_force();
