@@ -1360,10 +1360,11 @@ class ForceEstimator:
         self._felt = mean
         touch = self._touched & ~self._tapped & ~any_true(self._listed)
         read = np.where(touch, mean + absorbed, 0.0)
-        presses = (read**2 > SURPRISING**2 * block.noise) & ~self._surroundings.dilated(self._tapped)
+        variance = block.noise + self.belief.own_variance()
+        presses = (read**2 > SURPRISING**2 * variance) & ~self._surroundings.dilated(self._tapped)
         felt = read + self._hidden * presses
-        variance = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
-        kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(variance))
+        warmth = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
+        kelvin = math.hypot(float(self.belief.shared[Shared.WARMTH]), math.sqrt(warmth))
         share = -np.expm1(-felt * self._priors.warmth_force_spread / self._priors.warmth_force)
         most = np.abs(self._per_kelvin) * kelvin * share
         self._hidden += -math.expm1(-block.duration / self._priors.warmth_time) * (most - self._hidden)

@@ -123,7 +123,7 @@ void ForceEstimator::find_absorbed() {
 }
 
 /// Follow what the warmth of an object may hide of a touch that no contact lists yet [N]. What a taxel reads, what
-/// zeros have absorbed and, where these two are more than noise, what is hidden already cause that warmth together. It
+/// zeros have absorbed and, where these two are more than errors, what is hidden already cause that warmth together. It
 /// counts in the deviation only: such a touch may be none, and the filter would explain it by the warmth. What a tap
 /// leaves of its force is no touch: warmth hides none of it within a block. On the taxels beside it most is such a
 /// rest.
@@ -141,7 +141,8 @@ void ForceEstimator::follow_hidden(const Block& block) {
   surroundings_.dilate(tapped_, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double read = begins && touched_[taxel] && !tapped_[taxel] ? felt_[taxel] + absorbed_[taxel] : 0.0;
-    const bool presses = square(read) > square(kSurprising) * block.noise[taxel] && !chosen_[taxel];
+    const double variance = block.noise[taxel] + belief()->own_variance(taxel);
+    const bool presses = square(read) > square(kSurprising) * variance && !chosen_[taxel];
     const double felt = read + (presses ? hidden_[taxel] : 0.0);
     const double share = -std::expm1(-felt * priors_.warmth_force_spread / priors_.warmth_force);
     hidden_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - hidden_[taxel]);
