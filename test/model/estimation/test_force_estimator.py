@@ -564,7 +564,7 @@ def test_a_uniform_press_is_not_valid_until_the_sensors_told_it_from_a_warmer_fi
     watch, force = Watch(), press(2.5, 1.0, 9.0, rise=0.2)
     forces = history(watch, SENSOR, 3.5, force=force, shape=np.full(TAXELS, 1.0 / TAXELS))
     wrong = np.abs(forces.sum(axis=1) - np.array([force(0.001 * number) for number in range(3500)])) > 0.3
-    assert np.count_nonzero(wrong[1100:2000]) > 800  # it cannot be known yet
+    assert np.count_nonzero(wrong[1100:2000]) > 500  # it cannot be known yet
     assert not any(np.array(watch.valid)[1100:] & wrong[1100:])
     assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)
 
@@ -584,6 +584,16 @@ def test_a_uniform_press_is_never_valid_as_no_force_while_the_sensors_are_silent
         wrong.append(error > max(0.1 * force(time), 0.05))
     # Measured: 0 to 30 scans at the onset; a uniform press counted as a warmer film for good before.
     assert np.count_nonzero(np.array(wrong) & np.array(watch.valid)) <= 40
+
+
+@pytest.mark.parametrize("rise", [4.0, 8.0])
+def test_a_press_that_rises_on_all_taxels_within_seconds_is_no_colder_film(rise: float) -> None:
+    """Each reading of the sensors contradicts zeros by next to nothing: it read nothing, valid, and for good."""
+    watch, force, errors = Watch(), press(1.0, 10.0, 14.0 + rise, rise=rise), []
+    for time, scan in scans(SENSOR, 13.5 + rise, force=force, shape=np.full(TAXELS, 1.0 / TAXELS), rate=500.0):
+        errors.append(watch.process(time, scan).sum() - force(time))
+    assert np.abs(errors[-1750:]).max() < 0.05
+    assert watch.total_deviation() < 0.5
 
 
 def test_a_contact_with_the_whole_array_does_not_end_as_it_becomes_uncertain() -> None:

@@ -5,67 +5,49 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""When readings of the temperature sensors refute zeros of the whole array."""
-
-import math
-
-import pytest
+"""Until when something wide presses whose zeros were refuted."""
 
 from posfet_core.scan_path import ZeroRefutation
 
-PER_KELVIN, RATE, BLOCK = -0.5, 0.01, 0.02
+BLOCK, DEVIATION = 0.02, 0.05
 
 
-def resting(lag_known: bool = True, rate: float = RATE) -> ZeroRefutation:
-    """Return what has seen a minute at rest while the chip warms."""
-    policy = ZeroRefutation(PER_KELVIN, lag_known)
-    for number in range(1, 3001):
-        policy.end_block(BLOCK, number * BLOCK, rate, listed=False, rested=True)
+def refuted(*totals: float) -> ZeroRefutation:
+    """Return the policy after blocks of these total forces [N], since zeros were refuted."""
+    policy = ZeroRefutation()
+    policy.refute()
+    for total in totals:
+        policy.end_block(BLOCK, total, DEVIATION)
     return policy
 
 
-def test_a_press_hides_as_a_colder_film_where_that_makes_a_positive_charge() -> None:
-    assert ZeroRefutation(PER_KELVIN, lag_known=True).may_hide(0.01)
-    assert not ZeroRefutation(PER_KELVIN, lag_known=True).may_hide(-0.01)
-    assert ZeroRefutation(-PER_KELVIN, lag_known=True).may_hide(-0.01)
+def test_what_presses_is_wide_while_its_force_is_significant() -> None:
+    assert not ZeroRefutation().wide
+    assert refuted(*[0.11] * 1000).wide
+    assert refuted(*[0.11] * 1000).significant
+    assert not refuted(0.11, 0.09).significant
 
 
-@pytest.mark.parametrize(
-    ("deviations", "rate", "lag_known", "lasts"),
-    [
-        ((3.1, 3.1), 0.5 * RATE, True, True),
-        ((3.1, 0.0, 3.1), 0.5 * RATE, True, False),  # one in between fits
-        ((2.9, 9.0), 0.5 * RATE, True, False),
-        ((3.1, 3.1), 1.5 * RATE, True, False),  # the film warms faster, as no press makes it seem
-        ((3.1, 3.1), 0.5 * RATE, False, False),  # it may be the lag of the sensors
-    ],
-)
-def test_readings_in_turn_refute_zeros(
-    deviations: tuple[float, ...], rate: float, lag_known: bool, lasts: bool
-) -> None:
-    policy = resting(lag_known)
-    for each in deviations:
-        policy.count(each, rate)
-    assert policy.in_turn is lasts
+def test_what_presses_has_left_once_most_of_its_force_is_gone() -> None:
+    assert refuted(1.0, 0.5, 0.31, 0.31).wide
+    assert not refuted(1.0, 0.0).wide
+    assert refuted(0.3, 0.09).wide, "as much as its error"
+    assert refuted(0.0, 0.05, 0.0).wide, "it has hardly begun"
 
 
-def test_a_press_is_forgotten_slowly_and_once_a_contact_shows_it() -> None:
-    policy = resting()
-    policy.refute(0.04)
-    for _ in range(500):
-        policy.end_block(BLOCK, 99.0, RATE, listed=False, rested=True)
-    assert policy.hidden == pytest.approx(0.04 * math.exp(-1.0))
-    policy.end_block(BLOCK, 99.0, RATE, listed=True, rested=False)
-    assert policy.hidden == 0.0
-    policy.refute(0.04)
+def test_what_does_not_become_significant_is_forgotten() -> None:
+    assert refuted(*[0.09] * 499).wide
+    assert not refuted(*[0.09] * 501).wide
+    policy = refuted(*[0.09] * 499)
+    policy.refute()
+    policy.end_block(BLOCK, 0.09, DEVIATION)
+    assert policy.wide
+
+
+def test_what_presses_next_has_a_peak_of_its_own() -> None:
+    policy = refuted(5.0, 0.0)
+    policy.refute()
+    policy.end_block(BLOCK, 0.05, DEVIATION)
+    assert policy.wide
     policy.clear()
-    assert policy.hidden == 0.0
-
-
-def test_the_rate_at_rest_is_an_average_over_all_of_a_short_rest() -> None:
-    policy = ZeroRefutation(PER_KELVIN, lag_known=True)
-    for number in range(1, 51):
-        policy.end_block(BLOCK, number * BLOCK, RATE, listed=False, rested=True)
-    for _ in range(2):
-        policy.count(9.0, 0.99 * RATE)
-    assert policy.in_turn
+    assert not policy.wide

@@ -47,7 +47,8 @@ from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import LEAST_TIME, MEMORY, TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
-from reference.estimation.zero_refutation import CONTRADICTED, SURPRISING, ZeroRefutation
+from reference.estimation.witnesses import Witnesses
+from reference.estimation.zero_refutation import CONTRADICTED, EVIDENCE, PRESSED, SURPRISING, ZeroRefutation
 from reference.reductions import any_true, median, upper_median
 
 BLOCK: Final = 0.02
@@ -225,6 +226,8 @@ class Block:
     """Belief before this block."""
     touch_before: TouchResponse
     """What touches have left until then."""
+    unlikely: float = 0.0
+    """Twice the negative logarithm of the likelihood of the reading, as zeros let expect it, up to a constant [1]."""
 
 
 def _of_scans(name: str) -> Any:
@@ -334,7 +337,7 @@ class ForceEstimator:
         """Faulty taxels that still show a touch: sums of forces lack one that is listed nowhere. Set by the caller."""
         self._recovering, self._unread, self._last_duration = 0.0, 0.0, BLOCK
         self._refuted = 0.0
-        self._refutation = ZeroRefutation(self._mean_per_kelvin, self._priors.slow_rate > 0.0)
+        self._refutation, self._witnesses = ZeroRefutation(), Witnesses()
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
         self._touched_for = 0.0
@@ -485,7 +488,7 @@ class ForceEstimator:
         self._integration.held[:] += change
         self._usual -= change
         self._mean = self._mean + change
-        self._blocks.clear()
+        self._forget_blocks()
         self._drop_hypothesis()
         if forced:
             self._zero_known = True
@@ -494,7 +497,7 @@ class ForceEstimator:
             self._forget_touch()
             self._listed = self._touched = self._beside = self._nowhere
             self._integration.watch_none()
-            self._refutation.hidden = 0.0
+            self._refutation.wide = False
             self._integration.clipped[:] = 0.0
         self._start_block()
         return change
@@ -536,7 +539,8 @@ class ForceEstimator:
 
     def forget(self) -> None:
         """Forget all, as if the next scan were the first one: what was known is wrong."""
-        self._farthest = self._touched_for = self._refutation.hidden = 0.0
+        self._farthest = self._touched_for = 0.0
+        self._refutation.wide = False
         self._hot = self._shown_hot = self._zero_known = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
@@ -570,13 +574,18 @@ class ForceEstimator:
         if self._unheated is not None:
             self._follow_unheated(block)
         self._refuted = 0.0
+        usable = self.offset_known & ~self.ignored
         if any_true(begun):
             self._process_again(touched)
         else:
             self._step(block)
             if self._refuted and self._blocks:
-                block.touched = block.touched | (self.offset_known & ~self.ignored)
+                block.touched = block.touched | usable
                 self._process_again(block.touched)
+        self._follow_witnesses(block)
+        if self._take_witness():
+            block.touched = block.touched | usable
+            self._mean = block.mean - self._filter.predicted(block.response)
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
@@ -619,11 +628,16 @@ class ForceEstimator:
         hot = self._may_be_hot()
         if hot:  # below zero no object touches, else
             unknown |= (self._sum / self._scans < -self._threshold) & self._may_be_warm()
-        if abs(self._refutation.hidden) > self._negligible:
+        if self._refutation.wide:
             unknown |= True
         if any_true(self._touched):
             noise, mean = np.sqrt(self._noise_variance / self._scans), self._sum / self._scans
-            unknown |= self._touched & ~self._release.left(np.abs(mean) if hot else mean, noise)
+            left = self._release.left(np.abs(mean) if hot else mean, noise)
+            usable = ~self.ignored
+            few = np.count_nonzero(usable & ~self._touched) < UniformChange.FEWEST
+            if self._refutation.significant and few and any_true(usable):  # what presses all taxels slowly is still, and has not left
+                left &= mean <= PRESSED * mean[usable].mean()
+            unknown |= self._touched & ~left
         touched: Mask = listed | (unknown & self.offset_known)
         return touched
 
@@ -924,6 +938,7 @@ class ForceEstimator:
         wide = self.offset_known & self._was_misled()
         self._filter.belief = self._blocks[0].before
         if self._refuted:
+            self._witnesses.clear()
             direction = self._dynamics.maneuver(self.belief.shared, LAG * BLOCK)
             self._filter.admit(direction, (self._refuted / direction[Shared.FILM]) ** 2)
         blocks = tuple(self._blocks)  # the newest one may restart taxels, which forgets them
@@ -940,21 +955,61 @@ class ForceEstimator:
         own = self.belief.own[:, 1, 1]
         np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        kelvin, deviations = self._measure_temperature(self._filter, block, any_true(zeros))
-        policy = self._refutation
-        hidden = any_true(zeros) and policy.may_hide(kelvin) and not self._uniform.open
+        kelvin, deviations, unlikely = self._measure_temperature(self._filter, block, any_true(zeros))
+        hidden = any_true(zeros) and kelvin * self._mean_per_kelvin < 0.0 and not self._uniform.open
         hidden = hidden and self._rested >= LAG * BLOCK  # a release moves the rate, too
-        if block is self._blocks[-1] and not math.isnan(block.reading):
-            policy.count(deviations if hidden else 0.0, float(self.belief.shared[Shared.RATE]))
-        refuted = policy.in_turn or (deviations > CONTRADICTED and self._was_misled())
-        self._refuted = kelvin if hidden and refuted else 0.0
-        policy.hidden = self._refuted or policy.hidden
+        self._refuted = kelvin if hidden and deviations > CONTRADICTED and self._was_misled() else 0.0
+        if self._refuted:
+            self._refutation.refute()
+        block.unlikely = unlikely
         self._measure_zeros(block, beside)
 
-    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float]:
+    def _follow_witnesses(self, block: Block) -> None:
+        """Let the witnesses follow a block."""
+        if self._rested < LAG * BLOCK or not (self.offset_known | self.ignored).all():
+            self._witnesses.clear()
+        elif (passage := self._witnesses.add(block)) is not None:
+            for each in self._witnesses.all:
+                self._predict(each.filter, passage)
+                each.evidence += block.unlikely - self._measure_temperature(each.filter, passage, False)[2]
+
+    def _take_witness(self) -> bool:
+        """Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then.
+
+        Not while the hypothesis of a warmer film is open, which has a witness of its own. Otherwise a new witness is
+        called when it is time.
+        """
+        film = self.belief.shared[Shared.FILM]
+        found = [
+            each
+            for each in self._witnesses.all
+            if (film - each.filter.belief.shared[Shared.FILM]) * self._mean_per_kelvin > 0.0
+            and each.evidence > EVIDENCE
+            and not self._uniform.open
+        ]
+        if not found:
+            if self._rested >= LAG * BLOCK:
+                self._witnesses.call(self.belief)
+            return False
+        best = max(found, key=lambda each: each.evidence)
+        self._filter.belief = best.before
+        for passage in self._witnesses.passages(best):
+            self._predict(self._filter, passage)
+            self._measure_temperature(self._filter, passage, False)
+        self._refutation.refute()
+        self._forget_blocks()
+        return True
+
+    def _forget_blocks(self) -> None:
+        """Forget what could be processed again, as that would undo what has been decided."""
+        self._blocks.clear()
+        self._witnesses.clear()
+
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float, float]:
         """Update a belief by a new reading of the temperature sensors; return its difference from the expected one [K].
 
-        Also the size of that in its deviations [1].
+        Also the size of that in its deviations [1], and twice the negative logarithm of its likelihood, before anything
+        explains it, up to a constant [1].
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
         determine the temperature of the film, it may have warmed since before the start; soon after that, and not
@@ -962,10 +1017,11 @@ class ForceEstimator:
         from their model, and is weighted down.
         """
         if math.isnan(block.reading):
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         variance = block.reading_variance
         innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        unlikely = min(innovation * innovation / total, SURPRISING * SURPRISING) + math.log(total)
         if surprising and not zeros:
             rate = min(abs(innovation) / block.interval, self._priors.fastest)
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
@@ -979,7 +1035,7 @@ class ForceEstimator:
             f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        found = innovation, abs(innovation) / math.sqrt(total)
+        found = innovation, abs(innovation) / math.sqrt(total), unlikely
         if surprising:
             variance += (innovation / SURPRISING) ** 2
         # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
@@ -1138,13 +1194,11 @@ class ForceEstimator:
                 self._take_unheated(block)
                 residual = block.mean - self._filter.predicted(block.response)
                 odd = where & (residual > 0.0)
-                self._blocks.clear()
+                self._forget_blocks()
         if not self._uniform.open:
             self._unheated = None
         self._unconfirmed = claimed - shown if self._unheated is not None else 0.0
         rests = self._rested >= LAG * BLOCK  # a release moves the rate, too
-        rate, shown = float(self.belief.shared[Shared.RATE]), any_true(block.listed)
-        self._refutation.end_block(block.duration, self._age, rate, shown, rests)
         if self._unheated is None and rests and self._was_misled():
             before = self._blocks[0].before.shared
             passed = sum(each.span for each in self._blocks)
@@ -1177,8 +1231,8 @@ class ForceEstimator:
                 belief.reset_force_error(released, block.mean, block.response, block.noise)
                 errors &= ~released
                 self._untouched_time[cooling] = 0.0
-                self._zero_known, self._refutation.hidden = True, 0.0
-                self._blocks.clear()  # to process them again would undo it
+                self._zero_known, self._refutation.wide = True, False
+                self._forget_blocks()  # to process them again would undo it
             for own in (belief.own, block.own_noise):  # there, too, if the block is processed again
                 own[errors, 0, 0] += residual[errors] ** 2
 
@@ -1226,7 +1280,7 @@ class ForceEstimator:
         self._last_mean = mean
         if ended.any():
             self.belief.reset_force_error(ended, block.mean, block.response, block.noise)
-            self._blocks.clear()  # to process them again would undo it
+            self._forget_blocks()  # to process them again would undo it
 
     def _warmth_variance(self) -> Array:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
@@ -1258,7 +1312,7 @@ class ForceEstimator:
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         self._confirm_offsets(block.duration)
-        self.valid = self._is_valid()
+        self.valid = self._is_valid(block.duration)
         self._prepare_compensation(block)
         self._start_block()
 
@@ -1360,7 +1414,8 @@ class ForceEstimator:
         self._felt = mean
         touch = self._touched & ~self._tapped & ~any_true(self._listed)
         read = np.where(touch, mean + absorbed, 0.0)
-        variance = block.noise + self.belief.own_variance()
+        own = self.belief.own
+        variance = block.noise + np.maximum(own[:, 0, 0] + 2.0 * own[:, 0, 2] + own[:, 2, 2], 0.0)
         presses = (read**2 > SURPRISING**2 * variance) & ~self._surroundings.dilated(self._tapped)
         felt = read + self._hidden * presses
         warmth = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
@@ -1369,13 +1424,16 @@ class ForceEstimator:
         most = np.abs(self._per_kelvin) * kelvin * share
         self._hidden += -math.expm1(-block.duration / self._priors.warmth_time) * (most - self._hidden)
 
-    def _is_valid(self) -> bool:
+    def _is_valid(self, duration: float) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask
         sound = sound & (self.force <= BEYOND_RANGE * (self._runaway / RUNAWAY)) | self.ignored
         counted = ~self.ignored | self.informative
         touched = self._touched & counted
         any_touched = any_true(touched)
         total = float(self.force[counted].sum())
+        variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
+        deviation = math.sqrt(variance)
+        self._refutation.end_block(duration, total, deviation)
         self._recent_force.append(abs(total))
         if self.touch_at_start and not self._zero_known:
             return False
@@ -1390,8 +1448,7 @@ class ForceEstimator:
             return True
         if self._may_be_hot():
             return False
-        variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
-        deviation, greatest, present = math.sqrt(variance), max(self._recent_force), abs(total)
+        greatest, present = max(self._recent_force), abs(total)
         if total < -SURPRISING * deviation - self._threshold:
             return False  # no object pulls
         noise = math.sqrt(float(self._noise_variance[counted].sum()))
@@ -1446,7 +1503,7 @@ class ForceEstimator:
         belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._usual_offset[:] = belief.error[:, 1]
-        self._blocks.clear()
+        self._forget_blocks()
         self._drop_hypothesis()
         self._recent_force.clear()
         self._unexplained.reset()
@@ -1491,7 +1548,7 @@ class ForceEstimator:
         self.force[where] = self._integration.held[where] = 0.0
         self._usual[where] = belief.error[where, 0]
         self._usual_offset[where] = belief.error[where, 1]
-        self._blocks.clear()
+        self._forget_blocks()
 
     def _start_block(self) -> None:
         may_remove = self._uniform.pause <= 0.0 and self._uniform.observable and not any_true(self._touched)

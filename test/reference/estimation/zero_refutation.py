@@ -5,11 +5,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""When the temperature sensors say that zeros are wrong."""
+"""When the temperature sensors say that zeros are wrong, and until when."""
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 CONTRADICTED: Final = 2.0
@@ -18,49 +17,46 @@ CONTRADICTED: Final = 2.0
 SURPRISING: Final = 3.0
 """Deviations from which on a reading of the temperature sensors is unexpected [1]."""
 
-IN_TURN: Final = 2
-"""Number of unexpected readings in turn that contradict them without such a change [1]."""
+EVIDENCE: Final = 14.0
+"""Twice the logarithm of how much likelier readings must be without zeros [1]."""
+
+SIGNIFICANT: Final = 2.0
+"""Deviations from which on the total force is significant [1]."""
+
+GONE: Final = 0.3
+"""Share of its peak below which the total force has gone [1]."""
+
+PRESSED: Final = 0.5
+"""Share of the mean force from which on a taxel is pressed by what presses all [1]."""
 
 MEMORY: Final = 10.0
-"""Time in which the rate at rest is averaged, and a press is forgotten that no contact shows [s], assumed."""
+"""Time after which what is not significant is none [s], assumed."""
 
 
 class ZeroRefutation:
-    """Finds that something presses on all taxels, too slowly to be noticed, from readings of the temperature sensors.
+    """Decides whether something presses on all taxels, too slowly to be noticed.
 
-    State variables: the rate at rest [K/s], the number of readings in turn that contradict zeros, and what these may
-    have hidden of a press, as a temperature of the film [K].
-
-    Parameters
-    ----------
-    newton_per_kelvin : float
-        Mean signal of a change of the film's temperature [N/K].
-    lag_known : bool
-        Whether the lag of the sensors is calibrated.
+    State variables: the greatest significant total force since zeros were refuted [N], and for how long it has not been
+    significant [s].
     """
 
-    def __init__(self, newton_per_kelvin: float, lag_known: bool) -> None:
-        self._per_kelvin, self._lag_known = newton_per_kelvin, lag_known
-        self._resting_rate, self._in_turn = 0.0, 0
-        self.hidden = 0.0
-        """What zeros may have hidden of a wide press, as a temperature of the film [K]."""
+    def __init__(self) -> None:
+        self._peak, self._insignificant = 0.0, 0.0
+        self.wide = False
+        """Whether zeros have been refuted, and what presses has not left since."""
+        self.significant = False
+        """Whether the total force is significant."""
 
-    def may_hide(self, kelvin: float) -> bool:
-        """Return whether a reading that is `kelvin` above its expectation is in the direction of a press."""
-        return kelvin * self._per_kelvin < 0.0
+    def refute(self) -> None:
+        """Record that zeros have been refuted."""
+        self._peak = self._peak if self.wide else 0.0
+        self._insignificant, self.wide = 0.0, True
 
-    def count(self, deviations: float, rate: float) -> None:
-        """Count a reading of so many `deviations` at a `rate` of the temperature [K/s]; 0: it contradicts nothing."""
-        turned = (rate - self._resting_rate) * self._per_kelvin > 0.0
-        self._in_turn = self._in_turn + 1 if turned and self._lag_known and deviations > SURPRISING else 0
-
-    @property
-    def in_turn(self) -> bool:
-        """Whether zeros are refuted by readings in turn."""
-        return self._in_turn >= IN_TURN
-
-    def end_block(self, duration: float, age: float, rate: float, listed: bool, rested: bool) -> None:
-        """Process the end of a block of `duration` [s], where a contact is listed, or none has been for a while."""
-        self.hidden *= 0.0 if listed else math.exp(-duration / MEMORY)
-        if rested:
-            self._resting_rate += duration / min(max(age, duration), MEMORY) * (rate - self._resting_rate)
+    def end_block(self, duration: float, total: float, deviation: float) -> None:
+        """Process the end of a block of `duration` [s], with the `total` force and its `deviation` [N]."""
+        self.significant = total > SIGNIFICANT * deviation
+        if self.significant:
+            self._peak, self._insignificant = max(self._peak, total), 0.0
+            return
+        self._insignificant += duration
+        self.wide = self.wide and total >= GONE * self._peak and self._insignificant < MEMORY

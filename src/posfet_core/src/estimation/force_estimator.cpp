@@ -103,12 +103,13 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
       jumps_(array_.time_constant),
       walk_(priors_.film_walk, array_.film_lag),
       held_forces_(Grid(array_.layout)),
-      refutation_(integration_->mean_newton_per_kelvin(), priors_.slow_rate > 0.0),
       rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
       lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
       surroundings_(Grid(array_.layout)),
       blocks_(taxels(), touch_),
+      witnesses_(taxels()),
+      passed_(taxels(), touch_),
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
   for (auto* values : {
@@ -237,7 +238,7 @@ void ForceEstimator::tare(bool forced, double* change) {
     usual_[taxel] -= change[taxel];
     mean_[taxel] += change[taxel];
   }
-  blocks_.clear();
+  forget_blocks();
   drop_hypothesis();
   if (forced) {
     zero_known_ = true;
@@ -324,7 +325,7 @@ void ForceEstimator::start(const double* charge) {
     values_[taxel] = signal(taxel);
     chosen_[taxel] = !s.offset_known[taxel];
   }
-  blocks_.clear();
+  forget_blocks();
   drop_hypothesis();
   recent_force_.fill(0.0);
   unexplained_.reset();
@@ -409,7 +410,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       usual_offset_[taxel] = b.error_of(taxel)[kOffset];
     }
   }
-  blocks_.clear();
+  forget_blocks();
 }
 
 void ForceEstimator::start_block() {
@@ -452,8 +453,12 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     begun = begun || (block.touched[taxel] && !touched_[taxel] && !was_small);
   }
   refuted_ = 0.0;
-  if (begun || is_refuted(block)) {
+  const bool again = begun || is_refuted(block);
+  if (again) {
     process_again(block.touched);
+  }
+  follow_witnesses(block);
+  if (take_witness(block) || again) {
     filter_.predicted(block.response.data(), values_.data());
     std::transform(block.mean.begin(), block.mean.end(), values_.begin(), mean_.begin(), std::minus<>());
   }
@@ -478,10 +483,71 @@ bool ForceEstimator::is_refuted(Block& block) {
   if (refuted_ == 0.0 || blocks_.size() == 0) {
     return false;
   }
+  touch_all(block);
+  return true;
+}
+
+/// Something wide presses all taxels.
+void ForceEstimator::touch_all(Block& block) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
   }
+}
+
+/// Let the witnesses follow a block. What a release tells makes all before it worthless.
+void ForceEstimator::follow_witnesses(const Block& block) {
+  bool known = has_rested();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    known = known && (offset_known()[taxel] || ignored()[taxel]);
+  }
+  if (!known) {
+    witnesses_.clear();
+    return;
+  }
+  if (!witnesses_.pass(block)) {
+    return;
+  }
+  static_cast<Passage&>(passed_) = witnesses_.passage();
+  for (std::size_t index = 0; index < witnesses_.size(); ++index) {
+    Witness& each = witnesses_[index];
+    predict(each.filter, passed_);
+    each.evidence += block.unlikely - measure_temperature(each.filter, passed_, false).unlikely;
+  }
+}
+
+/// Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then. Something
+/// wide presses all taxels, then. Not while the hypothesis of a warmer film is open, which has a witness of its own.
+/// Otherwise a new witness is called when it is time.
+bool ForceEstimator::take_witness(Block& block) {
+  const Witness* best = nullptr;
+  for (std::size_t index = 0; index < witnesses_.size(); ++index) {
+    const Witness& each = witnesses_[index];
+    const double hidden = (belief()->shared[kFilm] - each.filter.belief()->shared[kFilm]) * mean_per_kelvin();
+    const double least = best == nullptr ? ZeroRefutation::kEvidence : best->evidence;
+    best = hidden > 0.0 && each.evidence > least && !uniform_.open() ? &each : best;
+  }
+  if (best == nullptr) {
+    if (has_rested()) {
+      witnesses_.call(*belief());
+    }
+    return false;
+  }
+  *belief() = best->before;
+  witnesses_.replay(*best, passed_, [this](const Block& passed) {
+    predict(filter_, passed);
+    measure_temperature(filter_, passed, false);
+  });
+  ++processed_again_;
+  refutation_.refute();
+  touch_all(block);
+  forget_blocks();
   return true;
+}
+
+/// Forget what could be processed again, as that would undo what has been decided.
+void ForceEstimator::forget_blocks() {
+  blocks_.clear();
+  witnesses_.clear();
 }
 
 /// Find the taxels whose force is not known to be none or small: those in contact, those that a touch may have begun
@@ -498,16 +564,31 @@ void ForceEstimator::find_touched(Block& block) {
   if (hot) {
     find_warm();
   }
-  const bool wide = std::abs(refutation_.hidden()) > negligible();
+  const double pressed = pressed_force();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = state().sum[taxel] / integration_->block().scans;
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
     const bool below = hot && mean < -array_.threshold && warm_[taxel];
-    const bool moving = touched_[taxel] && !release_.has_left(taxel, hot ? std::abs(mean) : mean, noise);
-    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || wide;
+    const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
+    const bool moving = touched_[taxel] && !left;
+    const bool unknown =
+        unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
   }
+}
+
+/// Force of a touched taxel from which on it has not left, however still it is [N]: what presses all taxels slowly is
+/// still. Infinite where nothing does.
+double ForceEstimator::pressed_force() const {
+  std::size_t untouched = 0;
+  double total = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
+    total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
+  }
+  const bool wide = refutation_.significant() && untouched < kFewestForUniform;
+  return wide && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable()) : std::numeric_limits<double>::infinity();
 }
 
 /// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a

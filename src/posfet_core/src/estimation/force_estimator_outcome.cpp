@@ -75,7 +75,7 @@ void ForceEstimator::finish(const Block& block) {
   }
   restart(chosen_);
   confirm_offsets(block.duration);
-  integration_->block().valid = is_valid();
+  integration_->block().valid = is_valid(block.duration);
   prepare_compensation(block);
   start_block();
 }
@@ -191,7 +191,7 @@ void ForceEstimator::set_covariance(const Block& block) {
 }
 
 /// Whether the forces are valid at the end of a block.
-bool ForceEstimator::is_valid() {
+bool ForceEstimator::is_valid(double duration) {
   bool sound = true;
   bool may_touch = std::abs(unconfirmed_) > negligible();
   double total = 0.0;
@@ -205,6 +205,8 @@ bool ForceEstimator::is_valid() {
     may_touch = may_touch || (touched_[taxel] && chosen_[taxel]);
     total += chosen_[taxel] ? force()[taxel] : 0.0;
   }
+  const double deviation = total_deviation(chosen_);
+  refutation_.end_block(duration, total, deviation);
   recent_force_[recent_] = std::abs(total);
   recent_ = (recent_ + 1) % recent_force_.size();
   may_touch = may_touch || warmed > array_.threshold;
@@ -212,7 +214,7 @@ bool ForceEstimator::is_valid() {
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
   }
-  return !may_touch || is_certain(chosen_, total);
+  return !may_touch || is_certain(chosen_, total, deviation);
 }
 
 /// Whether what touches may have warmed the film so much that force and warmth are hardly separable.
@@ -220,25 +222,30 @@ bool ForceEstimator::may_be_hot() const {
   return hot_ || std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth;
 }
 
-/// Whether the `total` force, which is that of these taxels, is certain enough while something touches, or may.
-bool ForceEstimator::is_certain(const TaxelFlags& counted, double total) const {
-  if (may_be_hot()) {
-    return false;
-  }
+/// Standard deviation of the total force of these taxels [N].
+double ForceEstimator::total_deviation(const TaxelFlags& counted) const {
   double variance = 0.0;
-  double noise = 0.0;
   std::array<double, kCauses> shared{};
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (counted[taxel]) {
       variance += own_[taxel];
-      noise += noise_variance_[taxel];
       for (std::size_t cause = 0; cause < kCauses; ++cause) {
         shared[cause] += state().correlated_error[taxel * kCauses + cause];
       }
     }
   }
-  variance += dot(shared.data(), shared.data(), kCauses);
-  const double deviation = std::sqrt(variance);
+  return std::sqrt(variance + dot(shared.data(), shared.data(), kCauses));
+}
+
+/// Whether the `total` force, which is that of these taxels, is certain enough while something touches, or may.
+bool ForceEstimator::is_certain(const TaxelFlags& counted, double total, double deviation) const {
+  if (may_be_hot()) {
+    return false;
+  }
+  double noise = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    noise += counted[taxel] ? noise_variance_[taxel] : 0.0;
+  }
   if (total < -kSurprising * deviation - array_.threshold) {
     return false;  // no object pulls
   }

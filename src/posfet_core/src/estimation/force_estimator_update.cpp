@@ -86,6 +86,7 @@ void ForceEstimator::process_again(const TaxelFlags& touched) {
   const bool wide = was_misled();
   *belief() = blocks_[0].before;
   if (refuted_ != 0.0) {
+    witnesses_.clear();  // of another past
     const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, LastBlocks::kLag * kBlock);
     filter_.admit(direction.data(), square(refuted_ / direction[kFilm]));
   }
@@ -108,7 +109,7 @@ void ForceEstimator::process_again(const TaxelFlags& touched) {
 
 /// Propagate the belief over a stored block, and update it by the temperature and by the forces that are known.
 void ForceEstimator::step(std::size_t index) {
-  const Block& block = blocks_[index];
+  Block& block = blocks_[index];
   predict(filter_, block);
   bool zeros = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -117,14 +118,12 @@ void ForceEstimator::step(std::size_t index) {
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
   const Contradiction found = measure_temperature(filter_, block, zeros);
-  const bool hidden = zeros && refutation_.may_hide(found.kelvin) && !uniform_.open() && has_rested();
-  if (index + 1 == blocks_.size() && !std::isnan(block.reading)) {
-    refutation_.count(hidden ? found.deviations : 0.0, belief()->shared[kRate]);
-  }
+  block.unlikely = found.unlikely;
+  const bool hidden = zeros && found.kelvin * mean_per_kelvin() < 0.0 && !uniform_.open() && has_rested();
   refuted_ = 0.0;
-  if (hidden && (refutation_.in_turn() || (found.deviations > ZeroRefutation::kContradicted && was_misled()))) {
+  if (hidden && found.deviations > ZeroRefutation::kContradicted && was_misled()) {
     refuted_ = found.kelvin;
-    refutation_.refute(refuted_);
+    refutation_.refute();
   }
   measure_zeros(index);
 }
@@ -139,13 +138,15 @@ void ForceEstimator::step(std::size_t index) {
 ForceEstimator::Contradiction ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block,
                                                                   bool zeros) {
   if (std::isnan(block.reading)) {
-    return {0.0, 0.0};
+    return {0.0, 0.0, 0.0};
   }
   double variance = block.reading_variance;
   const auto is_surprising = [](const TemperatureInnovation& found) {
     return square(found.innovation) > square(kSurprising) * found.variance;
   };
   TemperatureInnovation found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
+  const double squares = std::min(square(found.innovation) / found.variance, square(kSurprising));
+  const double unlikely = squares + std::log(found.variance);
   if (is_surprising(found) && !zeros) {
     const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
@@ -159,7 +160,7 @@ ForceEstimator::Contradiction ForceEstimator::measure_temperature(ForceErrorFilt
     filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, priors_.rate)));
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
-  const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance)};
+  const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance), unlikely};
   if (is_surprising(found)) {
     variance += square(found.innovation / kSurprising);
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
@@ -404,7 +405,6 @@ void ForceEstimator::judge(Block& block) {
     take_unheated(block);
   }
   unconfirmed_ = uniform_.open() ? evidence.claimed - evidence.shown : unnoticed_change();
-  refutation_.end_block(block.duration, age(), belief()->shared[kRate], block.listed.any(), has_rested());
   restart_or_correct(block);
 }
 
@@ -438,7 +438,7 @@ void ForceEstimator::take_unheated(Block& block) {
     residual_[taxel] = block.mean[taxel] - residual_[taxel];
     odd_[taxel] = judged_[taxel] && residual_[taxel] > 0.0;
   }
-  blocks_.clear();
+  forget_blocks();
 }
 
 /// Restart the taxels with an unexplained residual whose offset is unknown, and widen the errors of the others where it
@@ -549,7 +549,7 @@ void ForceEstimator::reset_released(const Block& block) {
   }
   zero_known_ = true;
   refutation_.clear();
-  blocks_.clear();  // to process them again would undo it
+  forget_blocks();  // to process them again would undo it
 }
 
 /// Set the forces of released contacts to zero.
@@ -618,7 +618,7 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
     }
   }
   if (ended.any()) {
-    blocks_.clear();  // to process them again would undo it
+    forget_blocks();  // to process them again would undo it
   }
 }
 

@@ -395,17 +395,14 @@ void bind_object_heating(const py::module_& module) {
 }
 
 void bind_zero_refutation(const py::module_& module) {
-  py::class_<ZeroRefutation>(module, "ZeroRefutation", "Finds from temperature sensors that zeros are wrong.")
-      .def(py::init<double, bool>(), py::arg("newton_per_kelvin"), py::arg("lag_known"))
-      .def_property_readonly("hidden", &ZeroRefutation::hidden, "What zeros may have hidden of a wide press [K].")
-      .def_property_readonly("in_turn", &ZeroRefutation::in_turn, "Whether zeros are refuted by readings in turn.")
-      .def("may_hide", &ZeroRefutation::may_hide, py::arg("kelvin"),
-           "Return whether a reading that is so far above its expectation is in the direction of a press.")
-      .def("count", &ZeroRefutation::count, py::arg("deviations"), py::arg("rate"), "Count a reading.")
-      .def("refute", &ZeroRefutation::refute, py::arg("kelvin"), "Record that zeros have been refuted.")
-      .def("end_block", &ZeroRefutation::end_block, py::arg("duration"), py::arg("age"), py::arg("rate"),
-           py::arg("listed"), py::arg("rested"), "Process the end of a block.")
-      .def("clear", &ZeroRefutation::clear, "Forget the press.");
+  py::class_<ZeroRefutation>(module, "ZeroRefutation", "Decides whether something wide presses that zeros have hidden.")
+      .def(py::init())
+      .def_property_readonly("wide", &ZeroRefutation::wide, "Whether zeros have been refuted, and it has not left.")
+      .def_property_readonly("significant", &ZeroRefutation::significant, "Whether the total force is significant.")
+      .def("refute", &ZeroRefutation::refute, "Record that zeros have been refuted.")
+      .def("end_block", &ZeroRefutation::end_block, py::arg("duration"), py::arg("total"), py::arg("deviation"),
+           "Process the end of a block.")
+      .def("clear", &ZeroRefutation::clear, "Forget what presses.");
 }
 
 void bind_uniform(const py::module_& module) {

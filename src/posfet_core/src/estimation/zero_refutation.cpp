@@ -8,21 +8,27 @@
 #include "posfet_core/estimation/zero_refutation.hpp"
 
 #include <algorithm>
-#include <cmath>
 
-#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/known_forces.hpp"
 
 namespace posfet {
 
-void ZeroRefutation::count(double deviations, double rate) {
-  const bool turned = (rate - resting_rate_) * per_kelvin_ > 0.0;
-  in_turn_ = turned && lag_known_ && deviations > kSurprising ? in_turn_ + 1 : 0;
+void ZeroRefutation::refute() {
+  peak_ = wide_ ? peak_ : 0.0;
+  insignificant_ = 0.0;
+  wide_ = true;
 }
 
-void ZeroRefutation::end_block(double duration, double age, double rate, bool listed, bool rested) {
-  hidden_ *= listed ? 0.0 : std::exp(-duration / kMemory);
-  if (rested) {
-    resting_rate_ += duration / std::min(std::max(age, duration), kMemory) * (rate - resting_rate_);
+void ZeroRefutation::end_block(double duration, double total, double deviation) {
+  significant_ = total > kSignificant * deviation;
+  if (significant_) {
+    peak_ = std::max(peak_, total);
+    insignificant_ = 0.0;
+    return;
+  }
+  insignificant_ += duration;
+  if (total < ReleaseDetector::kReleasedShare * peak_ || insignificant_ >= kMemory) {
+    wide_ = false;
   }
 }
 

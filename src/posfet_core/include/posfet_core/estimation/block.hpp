@@ -18,35 +18,41 @@
 
 namespace posfet {
 
-/// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
-struct Block {
-  Block(std::size_t taxels, TouchResponse touch);
-
-  std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
-  std::vector<double> noise;      ///< Variance of its noise [N2].
+/// What passes in a block, or in several, as far as the taxels share it.
+struct Passage {
   double duration = 0.0;          ///< Its duration [s].
   double leak = 1.0;              ///< Rate of the leakage, relative to that of the calibration [1].
-  std::vector<double> charge;     ///< Mean of the charge, as a force, up to a constant [N].
   double span = 0.0;              ///< Time from the middle of the block before to its own [s].
   double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
   double reading_variance = 0.0;  ///< Variance of its noise [K2].
   double interval = 0.0;          ///< Time since the reading before [s].
+  double unlikely = 0.0;          ///< Twice the negative logarithm of the likelihood of the reading, as zeros let expect
+                                  ///< it, up to a constant [1].
   double leaked_time = 0.0;       ///< Time since the temperatures were zero, as one with the leak rates of the
                                   ///< calibration [s]: offsets have leaked for so long.
+  double moved_share = 0.0;       ///< Share of the force that has moved from taxel to taxel [1].
+  double tail_moved = 0.0;        ///< Share of the tail that is new [1].
+  double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
+                                  ///< [K2/s2].
+  double leak_noise = 0.0;        ///< Variance that the relative error of the leak rates gains [1].
+  double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
+};
+
+/// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.
+struct Block : Passage {
+  Block(std::size_t taxels, TouchResponse touch);
+
+  std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
+  std::vector<double> noise;      ///< Variance of its noise [N2].
+  std::vector<double> charge;     ///< Mean of the charge, as a force, up to a constant [N].
   TaxelFlags listed;              ///< Taxels in contact.
   TaxelFlags touched;             ///< These, and those whose residual was unexplained.
   std::vector<double> response;   ///< Responses of the force errors to the shared states, [taxels, states].
   std::vector<double> neighbour;  ///< Greatest force of a neighbour [N]; 0 where nothing touches.
   std::vector<double> tail;       ///< Force of an untouched taxel if forces declined geometrically away from the
                                   ///< contact [N].
-  double moved_share = 0.0;       ///< Share of the force that has moved from taxel to taxel [1].
-  double tail_moved = 0.0;        ///< Share of the tail that is new [1].
   std::vector<double> own_noise;  ///< Covariance of the process noise of each taxel, [taxels, own, own].
   std::vector<double> cooled;     ///< Share of its warmth that each taxel has lost [1].
-  double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
-                                  ///< [K2/s2].
-  double leak_noise = 0.0;        ///< Variance that the relative error of the leak rates gains [1].
-  double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
   Belief before;                  ///< Belief before this block.
   TouchResponse touch_before;     ///< What touches have left until then.
 };

@@ -37,6 +37,7 @@
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/validity.hpp"
+#include "posfet_core/estimation/witnesses.hpp"
 #include "posfet_core/estimation/zero_refutation.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/grid.hpp"
@@ -194,11 +195,15 @@ private:
 
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   bool is_refuted(Block& block);
+  void follow_witnesses(const Block& block);
+  bool take_witness(Block& block);
+  void touch_all(Block& block) const;
   void start_over();
   void start_block();
   void restart(const TaxelFlags& where);
 
   void find_touched(Block& block);
+  double pressed_force() const;
   bool find_unreleased(TaxelFlags& listed, Taxels& lost);
   void measure(Block& block);
   static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
@@ -220,14 +225,17 @@ private:
   bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
   bool was_misled();
   double unnoticed_change();
+  void forget_blocks();
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
 
-  /// What a reading of the sensors differs from its expectation by [K], and the size of that in its deviations [1].
+  /// What a reading of the sensors differs from its expectation by.
   struct Contradiction {
-    double kelvin;
-    double deviations;
+    double kelvin;      ///< Reading less expectation, after all that explains it [K].
+    double deviations;  ///< Size of that in its deviations [1].
+    double unlikely;    ///< Twice the negative logarithm of its likelihood, before anything explains it, up to a
+                        ///< constant [1].
   };
 
   Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
@@ -254,8 +262,9 @@ private:
   void finish(const Block& block);
   void follow_usual(const Block& block);
   void set_covariance(const Block& block);
-  bool is_valid();
-  bool is_certain(const TaxelFlags& counted, double total) const;
+  bool is_valid(double duration);
+  double total_deviation(const TaxelFlags& counted) const;
+  bool is_certain(const TaxelFlags& counted, double total, double deviation) const;
   bool may_be_hot() const;
   void find_warm();
   void find_hot_film();
@@ -284,6 +293,8 @@ private:
   LowerBoundMonitor lower_bound_;
   ContactSurroundings surroundings_;
   LastBlocks blocks_;
+  Witnesses witnesses_;
+  Block passed_;  ///< Place of what has passed since a witness was called.
 
   TaxelFlags informative_;
   std::size_t restarts_ = 0;

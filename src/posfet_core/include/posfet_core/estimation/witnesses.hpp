@@ -1,0 +1,87 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// What the temperature sensors alone say since some seconds ago.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "posfet_core/estimation/belief.hpp"
+#include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/force_error_filter.hpp"
+
+namespace posfet {
+
+/// A belief of some time ago, and the shared states that follow from it by the temperature sensors alone.
+struct Witness {
+  explicit Witness(std::size_t taxels);
+
+  Belief before;               ///< What was known then.
+  ForceErrorFilter filter;     ///< Of the shared states since then; no taxels.
+  double age = 0.0;            ///< How long ago that was [s].
+  double evidence = 0.0;       ///< Twice the logarithm of how much likelier readings are without zeros than with [1].
+  std::size_t first = 0;       ///< First of the passages since then.
+  std::vector<double> noise;   ///< Process noise of the taxels until then, as in `Witnesses`, [taxels, own, own],
+  std::vector<double> cooled;  ///< and the logarithm of the share of their warmth that was left [1].
+};
+
+/// Witnesses of the last seconds, oldest first. What passes between two readings of the sensors is a passage.
+class Witnesses {
+public:
+  /// Time between two witnesses [s], assumed.
+  static constexpr double kSpacing = 2.0;
+
+  /// Number of witnesses: the oldest one is of ten seconds ago.
+  static constexpr std::size_t kCount = 5;
+
+  explicit Witnesses(std::size_t taxels);
+
+  std::size_t size() const { return size_; }
+  Witness& operator[](std::size_t index) { return witnesses_[index]; }
+  const Witness& operator[](std::size_t index) const { return witnesses_[index]; }
+
+  /// Forget all.
+  void clear();
+
+  /// Record a block. Returns whether it ends a passage, which the witnesses have to follow.
+  bool pass(const Block& block);
+
+  /// The last passage.
+  const Passage& passage() const { return passages_.back(); }
+
+  /// Call a witness of a belief, if the last one is old enough and no passage has begun.
+  void call(const Belief& belief);
+
+  /// Call `visit` with a block for each passage since a witness was called, for which `block` is the place: none of its
+  /// taxels touched, and with equal parts of their process noise. At least one passage has been since.
+  template <class Visit>
+  void replay(const Witness& witness, Block& block, const Visit& visit) const {
+    const auto count = static_cast<double>(passages_.size() - witness.first);
+    for (std::size_t index = 0; index < noise_.size(); ++index) {
+      block.own_noise[index] = (noise_[index] - witness.noise[index]) / count;
+    }
+    for (std::size_t taxel = 0; taxel < cooled_.size(); ++taxel) {
+      block.cooled[taxel] = -std::expm1((cooled_[taxel] - witness.cooled[taxel]) / count);
+    }
+    for (std::size_t index = witness.first; index < passages_.size(); ++index) {
+      static_cast<Passage&>(block) = passages_[index];
+      visit(block);
+    }
+  }
+
+private:
+  std::vector<Witness> witnesses_;
+  std::size_t size_ = 0;
+  std::vector<Passage> passages_;
+  Passage begun_;               ///< The one that no reading has ended yet.
+  std::vector<double> noise_;   ///< Sum of the process noise of the taxels since the start, [taxels, own, own].
+  std::vector<double> cooled_;  ///< Logarithm of the share of their warmth that is left since the start [1].
+};
+
+}  // namespace posfet

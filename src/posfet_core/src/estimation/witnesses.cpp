@@ -1,0 +1,93 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/witnesses.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+
+#include "posfet_core/estimation/shared_states.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Least share of its warmth that a taxel keeps in a block [1]: not 0, for the logarithm.
+constexpr double kLeastLeft = 1e-9;
+
+}  // namespace
+
+Witness::Witness(std::size_t taxels)
+    : before(taxels, kSharedStates), filter(std::make_shared<Belief>(0, kSharedStates)) {}
+
+Witnesses::Witnesses(std::size_t taxels) : noise_(taxels * kOwnStates * kOwnStates, 0.0), cooled_(taxels, 0.0) {
+  for (std::size_t count = 0; count < kCount; ++count) {
+    witnesses_.emplace_back(taxels);
+  }
+}
+
+void Witnesses::clear() {
+  size_ = 0;
+  passages_.clear();
+  begun_ = Passage();
+}
+
+bool Witnesses::pass(const Block& block) {
+  std::transform(noise_.begin(), noise_.end(), block.own_noise.begin(), noise_.begin(), std::plus<>());
+  std::transform(cooled_.begin(), cooled_.end(), block.cooled.begin(), cooled_.begin(),
+                 [](double left, double cooled) { return left + std::log(std::max(1.0 - cooled, kLeastLeft)); });
+  if (size_ == 0) {
+    return false;
+  }
+  for (std::size_t index = 0; index < size_; ++index) {
+    witnesses_[index].age += block.span;
+  }
+  const double share = block.span / (begun_.span + block.span);
+  begun_.leak += share * (block.leak - begun_.leak);
+  begun_.warming += share * (block.warming - begun_.warming);
+  begun_.span += block.span;
+  begun_.rate_noise += block.rate_noise;
+  begun_.leak_noise += block.leak_noise;
+  if (std::isnan(block.reading)) {
+    return false;
+  }
+  begun_.reading = block.reading;
+  begun_.reading_variance = block.reading_variance;
+  begun_.interval = block.interval;
+  begun_.unlikely = block.unlikely;
+  begun_.leaked_time = block.leaked_time;
+  passages_.push_back(begun_);
+  begun_ = Passage();
+  return true;
+}
+
+void Witnesses::call(const Belief& belief) {
+  if (size_ > 0 && (witnesses_[size_ - 1].age < kSpacing || begun_.span > 0.0)) {
+    return;
+  }
+  if (size_ == kCount) {
+    const std::size_t gone = witnesses_[1].first;
+    passages_.erase(passages_.begin(), passages_.begin() + static_cast<std::ptrdiff_t>(gone));
+    std::rotate(witnesses_.begin(), witnesses_.begin() + 1, witnesses_.end());
+    --size_;
+    for (std::size_t index = 0; index < size_; ++index) {
+      witnesses_[index].first -= gone;
+    }
+  }
+  Witness& one = witnesses_[size_++];
+  one.before = belief;
+  one.filter.belief()->shared = belief.shared;
+  one.filter.belief()->set_covariance(belief.covariance());
+  one.age = one.evidence = 0.0;
+  one.first = passages_.size();
+  one.noise = noise_;
+  one.cooled = cooled_;
+}
+
+}  // namespace posfet
