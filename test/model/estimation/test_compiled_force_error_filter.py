@@ -24,7 +24,8 @@ from support.example_counts import each_of, examples
 Array = NDArray[np.float64]
 PARTS = ("shared", "covariance", "error", "slope", "own")
 STEPS = (
-    "predict", "update", "update_alone", "admit", "widen", "measure_shared", "measure_temperature", "restart_temperature",
+    "predict", "update", "update_alone", "admit", "widen", "measure_shared", "measure_temperature",
+    "restart_temperature",
     "integrate", "respond", "cool", "forget_small_forces", "forget", "restart",
 )  # fmt: skip
 

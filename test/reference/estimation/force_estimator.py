@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_core import scan_path
-from posfet_core.scan_path import OWN_STATES as OWN
 from posfet_core.scan_path import Belief, ForceErrorFilter, Thermometers
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
@@ -573,19 +572,7 @@ class ForceEstimator:
         self._blocks.append(block)
         if self._unheated is not None:
             self._follow_unheated(block)
-        self._refuted = 0.0
-        usable = self.offset_known & ~self.ignored
-        if any_true(begun):
-            self._process_again(touched)
-        else:
-            self._step(block)
-            if self._refuted and self._blocks:
-                block.touched = block.touched | usable
-                self._process_again(block.touched)
-        self._follow_witnesses(block)
-        if self._take_witness():
-            block.touched = block.touched | usable
-            self._mean = block.mean - self._filter.predicted(block.response)
+        self._process(block, any_true(begun))
         self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
@@ -613,6 +600,22 @@ class ForceEstimator:
             raise ValueError("no film survives this temperature")
         self._finish(block)
 
+    def _process(self, block: Block, begun: bool) -> None:
+        """Process the newest block, or the stored ones again where a touch has `begun`, or zeros are refuted."""
+        self._refuted = 0.0
+        usable = self.offset_known & ~self.ignored
+        if begun:
+            self._process_again(block.touched)
+        else:
+            self._step(block)
+            if self._refuted and self._blocks:
+                block.touched = block.touched | usable
+                self._process_again(block.touched)
+        self._follow_witnesses(block)
+        if self._take_witness():
+            block.touched = block.touched | usable
+            self._mean = block.mean - self._filter.predicted(block.response)
+
     def _find_touched(self, listed: Mask) -> Mask:
         """Return the taxels whose force is not known to be none or small.
 
@@ -635,7 +638,8 @@ class ForceEstimator:
             left = self._release.left(np.abs(mean) if hot else mean, noise)
             usable = ~self.ignored
             few = np.count_nonzero(usable & ~self._touched) < UniformChange.FEWEST
-            if self._refutation.significant and few and any_true(usable):  # what presses all taxels slowly is still, and has not left
+            if self._refutation.significant and few and any_true(usable):
+                # What presses all taxels slowly is still, and has not left.
                 left &= mean <= PRESSED * mean[usable].mean()
             unknown |= self._touched & ~left
         touched: Mask = listed | (unknown & self.offset_known)
@@ -742,6 +746,18 @@ class ForceEstimator:
         """Interval at which new readings of the temperature come [s]."""
         return STATUS_INTERVAL if math.isnan(self.film.interval) else float(self.film.interval)
 
+    def _unknown_warmth(self, touched: Mask) -> Array:
+        """Return the covariance of the warmth that no response knows, of taxels that count as untouched from now on.
+
+        On a hot film they do so once it is no more than a contact threshold.
+        """
+        unknown = np.zeros_like(self.belief.own)
+        if self._may_be_hot():
+            cools = self._touched & ~touched
+            for row, column in ((0, 0), (0, 4), (4, 0), (4, 4)):
+                unknown[cools, row, column] = self._threshold**2
+        return unknown
+
     def _measure(self, touched: Mask, listed: Mask) -> Block:
         """Return the block that is due."""
         mean = self._mean = self._sum / self._scans
@@ -770,8 +786,8 @@ class ForceEstimator:
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warmed, warmth = self._warmth_variance(), self._touch.warm + self._touch.range
         span = 0.5 * (self._last_duration + self._elapsed)
-        own_noise = np.zeros((len(mean), OWN, OWN))
-        own_noise[:, :2, :2] = p.offset_walk**2 * span
+        own_noise = self._unknown_warmth(touched)
+        own_noise[:, :2, :2] += p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second() ** 2)
         grown += self._jumped + self._step_noise(touched, span) + self._clipped_noise()
@@ -779,13 +795,7 @@ class ForceEstimator:
         cooled = np.minimum(np.maximum(1.0 - left, 0.0), -math.expm1(-span / p.warmth_time))
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
         grown += differs
-        own_noise[:, 0, 4] = own_noise[:, 4, 0] = own_noise[:, 4, 4] = differs
-        if self._may_be_hot():
-            # A taxel counts as untouched once its warmth, which no response knows, is no more than a contact threshold.
-            cools = self._touched & ~touched
-            grown[cools] += self._threshold**2
-            for row, column in ((0, 4), (4, 0), (4, 4)):
-                own_noise[cools, row, column] += self._threshold**2
+        own_noise[:, [0, 4, 4], [4, 0, 4]] += differs[:, None]
         tail_moved, moved = 0.0, self._moved_share(held)
         if any_touched or self._touch.responding or any_true(self._touched):
             spread = self._tail_spread()

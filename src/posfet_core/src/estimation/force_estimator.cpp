@@ -515,9 +515,9 @@ void ForceEstimator::follow_witnesses(const Block& block) {
   }
 }
 
-/// Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then. Something
-/// wide presses all taxels, then. Not while the hypothesis of a warmer film is open, which has a witness of its own.
-/// Otherwise a new witness is called when it is time.
+/// Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then.
+/// Something wide presses all taxels, then. Not while the hypothesis of a warmer film is open, which has a witness of
+/// its own. Otherwise a new witness is called when it is time.
 bool ForceEstimator::take_witness(Block& block) {
   const Witness* best = nullptr;
   for (std::size_t index = 0; index < witnesses_.size(); ++index) {
@@ -572,8 +572,7 @@ void ForceEstimator::find_touched(Block& block) {
     const bool below = hot && mean < -array_.threshold && warm_[taxel];
     const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
     const bool moving = touched_[taxel] && !left;
-    const bool unknown =
-        unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
+    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
   }
 }
@@ -588,7 +587,8 @@ double ForceEstimator::pressed_force() const {
     total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
   }
   const bool wide = refutation_.significant() && untouched < kFewestForUniform;
-  return wide && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable()) : std::numeric_limits<double>::infinity();
+  return wide && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
+                              : std::numeric_limits<double>::infinity();
 }
 
 /// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a

@@ -216,7 +216,6 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const bool touch = block.touched.any() || touch_.responding() || touched_.any();
   const double spread = square(tail_spread());
   const double cooled = -std::expm1(-block.span / priors_.warmth_time);
-  const bool hot = may_be_hot();
   double whole = 0.0;
   double moved = 0.0;
   double total = 0.0;
@@ -245,13 +244,6 @@ void ForceEstimator::measure_process_noise(Block& block) {
     own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
     own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
     grown += differs;
-    if (hot && touched_[taxel] && !block.touched[taxel]) {
-      // A taxel counts as untouched once its warmth, which no response knows, is no more than a contact threshold.
-      const double unknown = square(array_.threshold);
-      grown += unknown;
-      own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] += unknown;
-      own[own_at(kOwnWarmth, kOwnWarmth)] += unknown;
-    }
     const double warming = warmed - warmed_[taxel];
     warmed_[taxel] = warmed;
     if (touch) {
@@ -270,6 +262,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     tail_[taxel] = tail;
     warmth_[taxel] = warmth;
   }
+  add_unknown_warmth(block);
   block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
   // As far from the temperature of the calibration as never before.
   const double farther = std::max(farthest_, std::abs(integration_->block().warmer));
@@ -280,6 +273,23 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const double heating = heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), earlier);
   block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before) +
                      square(priors_.warming_share) * changed_square(block.warming, block.touch_before.warming());
+}
+
+/// Add the warmth that no response knows, of taxels that count as untouched from now on: on a hot film they do so once
+/// it is no more than a contact threshold.
+void ForceEstimator::add_unknown_warmth(Block& block) const {
+  if (!may_be_hot()) {
+    return;
+  }
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
+    const double unknown = touched_[taxel] && !block.touched[taxel] ? square(array_.threshold) : 0.0;
+    for (const std::size_t row : {kForceError, kOwnWarmth}) {
+      for (const std::size_t column : {kForceError, kOwnWarmth}) {
+        own[own_at(row, column)] += unknown;
+      }
+    }
+  }
 }
 
 /// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.

@@ -26,16 +26,16 @@ struct Passage {
   double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
   double reading_variance = 0.0;  ///< Variance of its noise [K2].
   double interval = 0.0;          ///< Time since the reading before [s].
-  double unlikely = 0.0;          ///< Twice the negative logarithm of the likelihood of the reading, as zeros let expect
-                                  ///< it, up to a constant [1].
-  double leaked_time = 0.0;       ///< Time since the temperatures were zero, as one with the leak rates of the
-                                  ///< calibration [s]: offsets have leaked for so long.
-  double moved_share = 0.0;       ///< Share of the force that has moved from taxel to taxel [1].
-  double tail_moved = 0.0;        ///< Share of the tail that is new [1].
-  double rate_noise = 0.0;        ///< Variance that the rate of the chip temperature gains as the total force changes
-                                  ///< [K2/s2].
-  double leak_noise = 0.0;        ///< Variance that the relative error of the leak rates gains [1].
-  double warming = 0.0;           ///< Rate of the chip temperature that the touch is expected to cause [K/s].
+  double unlikely = 0.0;     ///< Twice the negative logarithm of the likelihood of the reading, as zeros let expect
+                             ///< it, up to a constant [1].
+  double leaked_time = 0.0;  ///< Time since the temperatures were zero, as one with the leak rates of the
+                             ///< calibration [s]: offsets have leaked for so long.
+  double moved_share = 0.0;  ///< Share of the force that has moved from taxel to taxel [1].
+  double tail_moved = 0.0;   ///< Share of the tail that is new [1].
+  double rate_noise = 0.0;   ///< Variance that the rate of the chip temperature gains as the total force changes
+                             ///< [K2/s2].
+  double leak_noise = 0.0;   ///< Variance that the relative error of the leak rates gains [1].
+  double warming = 0.0;      ///< Rate of the chip temperature that the touch is expected to cause [K/s].
 };
 
 /// What a block measured: kept until no touch can have begun in it. Arrays have one value for each taxel.

@@ -214,6 +214,7 @@ private:
   double find_moved_share(const Block& block);
   double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
+  void add_unknown_warmth(Block& block) const;
   void take_reading(Block& block);
   void observe_rest(const Block& block);
   void observe_steps(bool at_rest);

@@ -52,7 +52,7 @@ public:
 private:
   bool wide_ = false;
   bool significant_ = false;
-  double peak_ = 0.0;          ///< Greatest significant total force since zeros were refuted [N].
+  double peak_ = 0.0;           ///< Greatest significant total force since zeros were refuted [N].
   double insignificant_ = 0.0;  ///< For how long it has not been significant [s].
 };
 
