@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.estimation.force_estimator import BLOCK, RESUME_TIME, ForceEstimator
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -589,7 +589,8 @@ def test_a_uniform_press_is_never_valid_as_no_force_while_the_sensors_are_silent
 @pytest.mark.parametrize("rise", [4.0, 8.0])
 def test_a_press_that_rises_on_all_taxels_within_seconds_is_no_colder_film(rise: float) -> None:
     """Each reading of the sensors contradicts zeros by next to nothing: it read nothing, valid, and for good."""
-    watch, force, errors = Watch(), press(1.0, 10.0, 14.0 + rise, rise=rise), []
+    sensors = replace(Calibration.nominal(SENSOR), residuals=Residuals(0.0, 0.0, 1), temperature_sensor_lag=0.1)
+    watch, force, errors = Watch(calibration=sensors), press(1.0, 10.0, 14.0 + rise, rise=rise), []
     for time, scan in scans(SENSOR, 13.5 + rise, force=force, shape=np.full(TAXELS, 1.0 / TAXELS), rate=500.0):
         errors.append(watch.process(time, scan).sum() - force(time))
     assert np.abs(errors[-1750:]).max() < 0.05

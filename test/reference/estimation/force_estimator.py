@@ -46,7 +46,7 @@ from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import LEAST_TIME, MEMORY, TemperatureWalk
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
-from reference.estimation.witnesses import Witnesses
+from reference.estimation.witnesses import SPACING, Witnesses
 from reference.estimation.zero_refutation import CONTRADICTED, EVIDENCE, PRESSED, SURPRISING, ZeroRefutation
 from reference.reductions import any_true, median, upper_median
 
@@ -965,23 +965,32 @@ class ForceEstimator:
         own = self.belief.own[:, 1, 1]
         np.maximum(own, self._jumps.least_offset_variance(), out=own)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        kelvin, deviations, unlikely = self._measure_temperature(self._filter, block, any_true(zeros))
+        kelvin, deviations, square, spread = self._measure_temperature(self._filter, block, any_true(zeros))
         hidden = any_true(zeros) and kelvin * self._mean_per_kelvin < 0.0 and not self._uniform.open
         hidden = hidden and self._rested >= LAG * BLOCK  # a release moves the rate, too
         self._refuted = kelvin if hidden and deviations > CONTRADICTED and self._was_misled() else 0.0
         if self._refuted:
             self._refutation.refute()
-        block.unlikely = unlikely
+        block.unlikely = min(square, SURPRISING * SURPRISING) + spread
         self._measure_zeros(block, beside)
+
+    def _may_tell(self) -> bool:
+        """Return whether readings of the sensors may tell a press from a film that cools."""
+        return self._priors.slow_rate > 0.0 and self._rested >= SPACING
 
     def _follow_witnesses(self, block: Block) -> None:
         """Let the witnesses follow a block."""
-        if self._rested < LAG * BLOCK or not (self.offset_known | self.ignored).all():
+        if not (self._may_tell() and (self.offset_known | self.ignored).all()):
             self._witnesses.clear()
-        elif (passage := self._witnesses.add(block)) is not None:
-            for each in self._witnesses.all:
-                self._predict(each.filter, passage)
-                each.evidence += block.unlikely - self._measure_temperature(each.filter, passage, False)[2]
+            return
+        self._witnesses.add(block)
+        if (behind := self._witnesses.behind()) is not None:
+            witness, passage = behind
+            self._predict(witness.filter, passage)
+            square, spread = self._measure_temperature(witness.filter, passage, False)[2:]
+            witness.evidence += passage.unlikely - (square + spread)
+            if square > SURPRISING * SURPRISING:
+                self._witnesses.clear()  # the temperature does something of its own
 
     def _take_witness(self) -> bool:
         """Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then.
@@ -998,7 +1007,7 @@ class ForceEstimator:
             and not self._uniform.open
         ]
         if not found:
-            if self._rested >= LAG * BLOCK:
+            if self._may_tell():
                 self._witnesses.call(self.belief)
             return False
         best = max(found, key=lambda each: each.evidence)
@@ -1015,11 +1024,11 @@ class ForceEstimator:
         self._blocks.clear()
         self._witnesses.clear()
 
-    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float, float]:
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float, float, float]:
         """Update a belief by a new reading of the temperature sensors; return its difference from the expected one [K].
 
-        Also the size of that in its deviations [1], and twice the negative logarithm of its likelihood, before anything
-        explains it, up to a constant [1].
+        Also the size of that in its deviations [1]; and its square in its variance, before anything explains it, with
+        the logarithm of that variance [1].
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
         determine the temperature of the film, it may have warmed since before the start; soon after that, and not
@@ -1027,11 +1036,11 @@ class ForceEstimator:
         from their model, and is weighted down.
         """
         if math.isnan(block.reading):
-            return 0.0, 0.0, 0.0
+            return 0.0, 0.0, 0.0, 0.0
         variance = block.reading_variance
         innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
         surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        unlikely = min(innovation * innovation / total, SURPRISING * SURPRISING) + math.log(total)
+        unlikely = innovation * innovation / total, math.log(total)
         if surprising and not zeros:
             rate = min(abs(innovation) / block.interval, self._priors.fastest)
             f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
@@ -1045,7 +1054,7 @@ class ForceEstimator:
             f.admit(direction, min(2.0 * abs(innovation) / block.leaked_time, self._priors.rate) ** 2)
             innovation, _, total = f.temperature_innovation(block.reading, variance, block.leaked_time)
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
-        found = innovation, abs(innovation) / math.sqrt(total), unlikely
+        found = innovation, abs(innovation) / math.sqrt(total), *unlikely
         if surprising:
             variance += (innovation / SURPRISING) ** 2
         # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.

@@ -30,6 +30,9 @@ SPACING: Final = 2.0
 COUNT: Final = 5
 """Number of witnesses."""
 
+PASSAGE: Final = 0.09
+"""Least duration of a passage [s]."""
+
 LEAST_LEFT: Final = 1e-9
 """Least share of its warmth that a taxel keeps in a block [1]."""
 
@@ -46,10 +49,16 @@ class Witness:
     """How long ago that was [s]."""
     evidence: float = 0.0
     """Twice the logarithm of how much likelier readings are without zeros than with [1]."""
+    followed: int = 0
+    """Number of passages since then that `filter` has followed."""
 
 
 class Witnesses:
-    """Witnesses of the last seconds, oldest first. What passes between two readings of the sensors is a passage."""
+    """Witnesses of the last seconds, oldest first. What passes between two readings of the sensors is a passage.
+
+    Of readings that follow each other faster, those in between are left out. In each block one witness follows one
+    passage.
+    """
 
     def __init__(self) -> None:
         self.all: list[Witness] = []
@@ -59,19 +68,23 @@ class Witnesses:
         """Forget all."""
         self.all, self._blocks = [], []
 
-    def add(self, block: Block) -> Block | None:
-        """Record a block; return what has passed since the last reading of the sensors if it has a new one."""
-        if not self.all:
-            return None
+    def add(self, block: Block) -> None:
+        """Record a block."""
         for witness, passages in zip(self.all, self._blocks, strict=True):
             witness.age += block.span
             passages[-1].append(replace(block, own_noise=block.own_noise.copy()))
-        passed = self._blocks[-1][-1]
-        if math.isnan(block.reading):
-            return None
-        for passages in self._blocks:
-            passages.append([])
-        return _passage(passed)
+        begun = sum(each.span for each in self._blocks[-1][-1]) if self.all else 0.0
+        if not math.isnan(block.reading) and begun >= PASSAGE:
+            for passages in self._blocks:
+                passages.append([])
+
+    def behind(self) -> tuple[Witness, Block] | None:
+        """Return the first witness that has not followed all passages, and what has passed; it follows that now."""
+        for witness, passages in zip(self.all, self._blocks, strict=True):
+            if witness.followed < len(passages) - 1:
+                witness.followed += 1
+                return witness, _passage(passages[witness.followed - 1])
+        return None
 
     def call(self, belief: Belief) -> None:
         """Call a witness of a belief, if the last one is old enough and no passage has begun."""

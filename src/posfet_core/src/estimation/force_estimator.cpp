@@ -494,9 +494,14 @@ void ForceEstimator::touch_all(Block& block) const {
   }
 }
 
-/// Let the witnesses follow a block. What a release tells makes all before it worthless.
+/// Whether readings of the sensors may tell a press from a film that cools: their lag is calibrated, as it looks like a
+/// press where the rate changes, and no contact has just been released, whose warmth is in all zeros.
+bool ForceEstimator::may_tell() const { return priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing; }
+
+/// Let the witnesses follow a block. Where a reading is not what the sensors alone let expect, the temperature does
+/// something of its own, and they know nothing of a press.
 void ForceEstimator::follow_witnesses(const Block& block) {
-  bool known = has_rested();
+  bool known = may_tell();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     known = known && (offset_known()[taxel] || ignored()[taxel]);
   }
@@ -504,14 +509,18 @@ void ForceEstimator::follow_witnesses(const Block& block) {
     witnesses_.clear();
     return;
   }
-  if (!witnesses_.pass(block)) {
+  witnesses_.pass(block);
+  Witness* witness = witnesses_.behind();
+  if (witness == nullptr) {
     return;
   }
-  static_cast<Passage&>(passed_) = witnesses_.passage();
-  for (std::size_t index = 0; index < witnesses_.size(); ++index) {
-    Witness& each = witnesses_[index];
-    predict(each.filter, passed_);
-    each.evidence += block.unlikely - measure_temperature(each.filter, passed_, false).unlikely;
+  static_cast<Passage&>(passed_) = witnesses_.next(*witness);
+  predict(witness->filter, passed_);
+  const Contradiction found = measure_temperature(witness->filter, passed_, false);
+  witness->evidence += passed_.unlikely - (found.square + found.spread);
+  ++witness->next;
+  if (found.square > square(kSurprising)) {
+    witnesses_.clear();
   }
 }
 
@@ -527,7 +536,7 @@ bool ForceEstimator::take_witness(Block& block) {
     best = hidden > 0.0 && each.evidence > least && !uniform_.open() ? &each : best;
   }
   if (best == nullptr) {
-    if (has_rested()) {
+    if (may_tell()) {
       witnesses_.call(*belief());
     }
     return false;

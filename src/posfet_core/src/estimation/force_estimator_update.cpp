@@ -118,7 +118,7 @@ void ForceEstimator::step(std::size_t index) {
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
   const Contradiction found = measure_temperature(filter_, block, zeros);
-  block.unlikely = found.unlikely;
+  block.unlikely = std::min(found.square, square(kSurprising)) + found.spread;
   const bool hidden = zeros && found.kelvin * mean_per_kelvin() < 0.0 && !uniform_.open() && has_rested();
   refuted_ = 0.0;
   if (hidden && found.deviations > ZeroRefutation::kContradicted && was_misled()) {
@@ -138,15 +138,15 @@ void ForceEstimator::step(std::size_t index) {
 ForceEstimator::Contradiction ForceEstimator::measure_temperature(ForceErrorFilter& filter, const Block& block,
                                                                   bool zeros) {
   if (std::isnan(block.reading)) {
-    return {0.0, 0.0, 0.0};
+    return {0.0, 0.0, 0.0, 0.0};
   }
   double variance = block.reading_variance;
   const auto is_surprising = [](const TemperatureInnovation& found) {
     return square(found.innovation) > square(kSurprising) * found.variance;
   };
   TemperatureInnovation found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
-  const double squares = std::min(square(found.innovation) / found.variance, square(kSurprising));
-  const double unlikely = squares + std::log(found.variance);
+  const double squared = square(found.innovation) / found.variance;
+  const double spread = std::log(found.variance);
   if (is_surprising(found) && !zeros) {
     const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
     filter.admit(dynamics_.maneuver(filter.belief()->shared, block.interval).data(), square(rate));
@@ -160,7 +160,8 @@ ForceEstimator::Contradiction ForceEstimator::measure_temperature(ForceErrorFilt
     filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, priors_.rate)));
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
-  const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance), unlikely};
+  const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance), squared,
+                                    spread};
   if (is_surprising(found)) {
     variance += square(found.innovation / kSurprising);
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);

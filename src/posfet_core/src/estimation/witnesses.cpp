@@ -38,12 +38,12 @@ void Witnesses::clear() {
   begun_ = Passage();
 }
 
-bool Witnesses::pass(const Block& block) {
+void Witnesses::pass(const Block& block) {
   std::transform(noise_.begin(), noise_.end(), block.own_noise.begin(), noise_.begin(), std::plus<>());
   std::transform(cooled_.begin(), cooled_.end(), block.cooled.begin(), cooled_.begin(),
                  [](double left, double cooled) { return left + std::log(std::max(1.0 - cooled, kLeastLeft)); });
   if (size_ == 0) {
-    return false;
+    return;
   }
   for (std::size_t index = 0; index < size_; ++index) {
     witnesses_[index].age += block.span;
@@ -54,8 +54,8 @@ bool Witnesses::pass(const Block& block) {
   begun_.span += block.span;
   begun_.rate_noise += block.rate_noise;
   begun_.leak_noise += block.leak_noise;
-  if (std::isnan(block.reading)) {
-    return false;
+  if (std::isnan(block.reading) || begun_.span < kPassage) {
+    return;
   }
   begun_.reading = block.reading;
   begun_.reading_variance = block.reading_variance;
@@ -64,7 +64,15 @@ bool Witnesses::pass(const Block& block) {
   begun_.leaked_time = block.leaked_time;
   passages_.push_back(begun_);
   begun_ = Passage();
-  return true;
+}
+
+Witness* Witnesses::behind() {
+  for (std::size_t index = 0; index < size_; ++index) {
+    if (witnesses_[index].next < passages_.size()) {
+      return &witnesses_[index];
+    }
+  }
+  return nullptr;
 }
 
 void Witnesses::call(const Belief& belief) {
@@ -78,6 +86,7 @@ void Witnesses::call(const Belief& belief) {
     --size_;
     for (std::size_t index = 0; index < size_; ++index) {
       witnesses_[index].first -= gone;
+      witnesses_[index].next -= gone;
     }
   }
   Witness& one = witnesses_[size_++];
@@ -85,7 +94,7 @@ void Witnesses::call(const Belief& belief) {
   one.filter.belief()->shared = belief.shared;
   one.filter.belief()->set_covariance(belief.covariance());
   one.age = one.evidence = 0.0;
-  one.first = passages_.size();
+  one.first = one.next = passages_.size();
   one.noise = noise_;
   one.cooled = cooled_;
 }

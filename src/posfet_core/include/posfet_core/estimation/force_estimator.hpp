@@ -195,6 +195,7 @@ private:
 
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   bool is_refuted(Block& block);
+  bool may_tell() const;
   void follow_witnesses(const Block& block);
   bool take_witness(Block& block);
   void touch_all(Block& block) const;
@@ -235,8 +236,8 @@ private:
   struct Contradiction {
     double kelvin;      ///< Reading less expectation, after all that explains it [K].
     double deviations;  ///< Size of that in its deviations [1].
-    double unlikely;    ///< Twice the negative logarithm of its likelihood, before anything explains it, up to a
-                        ///< constant [1].
+    double square;      ///< Square of that in its variance, before anything explains it [1],
+    double spread;      ///< and the logarithm of that variance [1].
   };
 
   Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);

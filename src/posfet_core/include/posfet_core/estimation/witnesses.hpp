@@ -27,11 +27,14 @@ struct Witness {
   double age = 0.0;            ///< How long ago that was [s].
   double evidence = 0.0;       ///< Twice the logarithm of how much likelier readings are without zeros than with [1].
   std::size_t first = 0;       ///< First of the passages since then.
+  std::size_t next = 0;        ///< The one that the shared states have to follow next.
   std::vector<double> noise;   ///< Process noise of the taxels until then, as in `Witnesses`, [taxels, own, own],
   std::vector<double> cooled;  ///< and the logarithm of the share of their warmth that was left [1].
 };
 
-/// Witnesses of the last seconds, oldest first. What passes between two readings of the sensors is a passage.
+/// Witnesses of the last seconds, oldest first. What passes between two readings of the sensors is a passage; of
+/// readings that follow each other faster, those in between are left out. In each block one witness follows one
+/// passage.
 class Witnesses {
 public:
   /// Time between two witnesses [s], assumed.
@@ -40,20 +43,25 @@ public:
   /// Number of witnesses: the oldest one is of ten seconds ago.
   static constexpr std::size_t kCount = 5;
 
+  /// Least duration of a passage [s]: no less than there are witnesses, in blocks.
+  static constexpr double kPassage = 0.09;
+
   explicit Witnesses(std::size_t taxels);
 
   std::size_t size() const { return size_; }
-  Witness& operator[](std::size_t index) { return witnesses_[index]; }
   const Witness& operator[](std::size_t index) const { return witnesses_[index]; }
 
   /// Forget all.
   void clear();
 
-  /// Record a block. Returns whether it ends a passage, which the witnesses have to follow.
-  bool pass(const Block& block);
+  /// Record a block.
+  void pass(const Block& block);
 
-  /// The last passage.
-  const Passage& passage() const { return passages_.back(); }
+  /// The first witness that has not followed all passages; none: a null pointer.
+  Witness* behind();
+
+  /// The passage that a witness has to follow next.
+  const Passage& next(const Witness& witness) const { return passages_[witness.next]; }
 
   /// Call a witness of a belief, if the last one is old enough and no passage has begun.
   void call(const Belief& belief);
