@@ -83,9 +83,10 @@ of an additional random walk of the chip temperature at all times, in mK/sqrt(s)
 sensors measure the chip temperature at 10 Hz with a resolution of 1/256 K, and the taxels differ by
 {Drift.spread * 100:g} % in their pyroelectric response (test/reference/temperature_drift.py). The optimal estimator
 knows lag, rounding, random walk, and the greatest slope of a ramp; the estimator observes the random walk in the 2 s of
-rest. Both know that nothing but that walk warmed the film before the start. Target: at most 1.2 times the error of the optimal estimator, and 95 % coverage of the two-sigma interval. Not
-reached: the ratio with white noise alone, where errors are smallest, and with a strong random walk, which looks like a
-ramp; the strongest is not covered either (test/model/estimation/test_held_force.py).
+rest. Both know that nothing but that walk warmed the film before the start. Target: at most 1.2 times the error of the
+optimal estimator, and 95 % coverage of the two-sigma interval. Not reached: the ratio with white noise alone, where
+errors are smallest, and with a strong random walk, which looks like a ramp; the strongest is not covered either
+(test/model/estimation/test_held_force.py).
 
 Where taxels are left "untouched", in arrays of 25, they give the temperature of all taxels; the optimal estimator does
 not use them, so its columns are empty."""

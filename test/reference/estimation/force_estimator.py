@@ -976,11 +976,12 @@ class ForceEstimator:
 
     def _may_tell(self) -> bool:
         """Return whether readings of the sensors may tell a press from a film that cools."""
-        return self._priors.slow_rate > 0.0 and self._rested >= SPACING
+        known = (self.offset_known | self.ignored).all()
+        return bool(self._priors.slow_rate > 0.0 and self._rested >= SPACING and known)
 
     def _follow_witnesses(self, block: Block) -> None:
         """Let the witnesses follow a block."""
-        if not (self._may_tell() and (self.offset_known | self.ignored).all()):
+        if not self._may_tell():
             self._witnesses.clear()
             return
         self._witnesses.add(block)

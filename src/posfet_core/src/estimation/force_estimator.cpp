@@ -495,17 +495,20 @@ void ForceEstimator::touch_all(Block& block) const {
 }
 
 /// Whether readings of the sensors may tell a press from a film that cools: their lag is calibrated, as it looks like a
-/// press where the rate changes, and no contact has just been released, whose warmth is in all zeros.
-bool ForceEstimator::may_tell() const { return priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing; }
+/// press where the rate changes; no contact has just been released, whose warmth is in all zeros; and all offsets are
+/// known.
+bool ForceEstimator::may_tell() const {
+  bool known = priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    known = known && (offset_known()[taxel] || ignored()[taxel]);
+  }
+  return known;
+}
 
 /// Let the witnesses follow a block. Where a reading is not what the sensors alone let expect, the temperature does
 /// something of its own, and they know nothing of a press.
 void ForceEstimator::follow_witnesses(const Block& block) {
-  bool known = may_tell();
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    known = known && (offset_known()[taxel] || ignored()[taxel]);
-  }
-  if (!known) {
+  if (!may_tell()) {
     witnesses_.clear();
     return;
   }

@@ -205,11 +205,14 @@ bool ForceEstimator::is_valid(double duration) {
     may_touch = may_touch || (touched_[taxel] && chosen_[taxel]);
     total += chosen_[taxel] ? force()[taxel] : 0.0;
   }
-  const double deviation = total_deviation(chosen_);
-  refutation_.end_block(duration, total, deviation);
   recent_force_[recent_] = std::abs(total);
   recent_ = (recent_ + 1) % recent_force_.size();
-  may_touch = may_touch || warmed > array_.threshold;
+  may_touch = may_touch || warmed > array_.threshold || refutation_.wide();
+  double deviation = 0.0;
+  if (may_touch) {
+    deviation = total_deviation(chosen_);
+    refutation_.end_block(duration, total, deviation);
+  }
   const bool unknown_zero = touch_at_start && !zero_known_;
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;

@@ -39,12 +39,12 @@ void Witnesses::clear() {
 }
 
 void Witnesses::pass(const Block& block) {
-  std::transform(noise_.begin(), noise_.end(), block.own_noise.begin(), noise_.begin(), std::plus<>());
-  std::transform(cooled_.begin(), cooled_.end(), block.cooled.begin(), cooled_.begin(),
-                 [](double left, double cooled) { return left + std::log(std::max(1.0 - cooled, kLeastLeft)); });
   if (size_ == 0) {
     return;
   }
+  std::transform(noise_.begin(), noise_.end(), block.own_noise.begin(), noise_.begin(), std::plus<>());
+  std::transform(cooled_.begin(), cooled_.end(), block.cooled.begin(), cooled_.begin(),
+                 [](double left, double cooled) { return left + std::log(std::max(1.0 - cooled, kLeastLeft)); });
   for (std::size_t index = 0; index < size_; ++index) {
     witnesses_[index].age += block.span;
   }
