@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <functional>
 
+#include "posfet_core/product.hpp"
+
 namespace posfet {
 
 Belief::Belief(std::size_t taxels, std::size_t states)
@@ -55,11 +57,7 @@ void Belief::set_root(const SquareMatrix& root) {
 void Belief::add_to_force_error(std::size_t taxel, std::size_t state, double share) {
   double* errors = error_of(taxel);
   errors[kForceError] += share * errors[state];
-  double* changed = slope_of(taxel, kForceError);
-  const double* added = slope_of(taxel, state);
-  for (std::size_t shared_state = 0; shared_state < states(); ++shared_state) {
-    changed[shared_state] += share * added[shared_state];
-  }
+  add_scaled(share, slope_of(taxel, state), slope_of(taxel, kForceError), states());
   double* covariance = own_of(taxel);
   for (std::size_t column = 0; column < kOwnStates; ++column) {
     covariance[own_at(kForceError, column)] += share * covariance[own_at(state, column)];
@@ -74,10 +72,7 @@ void Belief::integrate(const double* leaked, const double* driven) {
     add_to_force_error(taxel, kOffset, leaked[taxel]);
     const double* drive = driven + taxel * states();
     error_of(taxel)[kForceError] += dot(drive, shared.data(), states());
-    double* changed = slope_of(taxel, kForceError);
-    for (std::size_t state = 0; state < states(); ++state) {
-      changed[state] += drive[state];
-    }
+    add_scaled(1.0, drive, slope_of(taxel, kForceError), states());
   }
 }
 

@@ -11,6 +11,8 @@
 #include <cmath>
 #include <limits>
 
+#include "posfet_core/product.hpp"
+
 namespace posfet {
 
 namespace {

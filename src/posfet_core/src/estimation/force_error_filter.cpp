@@ -106,11 +106,12 @@ void ForceErrorFilter::become(const double* matrix, const double* noise) {
   multiply(matrix_.data(), transposed_.data(), white.data(), states, states, states);
   multiply(white.data(), inverse_.data(), regression_.data(), states, states, states);
   for (std::size_t row = 0; row < states; ++row) {
-    for (std::size_t column = 0; column < states; ++column) {
+    for (std::size_t column = 0; column <= row; ++column) {
       matrix_[row * states + column] = b.covariance()[row * states + column] -
                                        dot(white.data() + row * states, white.data() + column * states, states);
     }
   }
+  mirror_lower(matrix_, states);
   unexplained_.swap(matrix_);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     regress(taxel);
@@ -222,10 +223,7 @@ void ForceErrorFilter::inform(const bool* where, const double* residual, const d
     const double* sensed = sensitivity + taxel * states;
     multiply(sensed, b.root().data(), row_.data(), 1, states, states);
     for (std::size_t row = 0; row < states; ++row) {
-      const double factor = weight * row_[row];
-      for (std::size_t column = 0; column <= row; ++column) {
-        matrix_[row * states + column] += factor * row_[column];
-      }
+      add_scaled(weight * row_[row], row_.data(), matrix_.data() + row * states, row + 1);
       pull_[row] += weight * residual[taxel] * sensed[row];
     }
   }
@@ -286,10 +284,7 @@ void ForceErrorFilter::update_own(std::size_t taxel, const Gain& gain, double re
       continue;  // known exactly
     }
     b.error_of(taxel)[state] += factor * residual;
-    double* slope = b.slope_of(taxel, state);
-    for (std::size_t shared = 0; shared < b.states(); ++shared) {
-      slope[shared] -= factor * sensitivity[shared];
-    }
+    add_scaled(-factor, sensitivity, b.slope_of(taxel, state), b.states());
     for (std::size_t other = 0; other < kOwnStates; ++other) {
       own[own_at(state, other)] -= factor * gain.own[other];
     }

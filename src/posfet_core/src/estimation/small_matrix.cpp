@@ -8,7 +8,6 @@
 #include "posfet_core/estimation/small_matrix.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 
@@ -31,20 +30,6 @@ void mirror_lower(SquareMatrix& matrix, std::size_t size) {
       matrix[column * size + row] = matrix[row * size + column];
     }
   }
-}
-
-double dot(const double* one, const double* other, std::size_t count) {
-  std::array<double, 4> sums{};  // side by side: no addition waits for the one before
-  std::size_t index = 0;
-  for (; index + sums.size() <= count; index += sums.size()) {
-    for (std::size_t each = 0; each < sums.size(); ++each) {
-      sums[each] += one[index + each] * other[index + each];
-    }
-  }
-  for (; index < count; ++index) {
-    sums[0] += one[index] * other[index];
-  }
-  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
 void replace_by_root(SquareMatrix& matrix, std::size_t size) {
@@ -79,14 +64,16 @@ void invert_lower(const SquareMatrix& lower, SquareMatrix& out, std::size_t size
 }
 
 void root_of_covariance(const SquareMatrix& covariance, std::size_t size, SquareMatrix& root, SquareMatrix& inverse) {
-  const auto deviation = [&covariance, size](std::size_t state) {
-    return std::sqrt(std::max(covariance[state * size + state], 0.0));
-  };
-  const auto weight = [&deviation](std::size_t state) { return deviation(state) > 0.0 ? 1.0 / deviation(state) : 0.0; };
+  Vector<double> deviation(size);
+  Vector<double> weight(size);
+  for (std::size_t state = 0; state < size; ++state) {
+    deviation[state] = std::sqrt(std::max(covariance[state * size + state], 0.0));
+    weight[state] = deviation[state] > 0.0 ? 1.0 / deviation[state] : 0.0;
+  }
   root = covariance;
   for (std::size_t row = 0; row < size; ++row) {
     for (std::size_t column = 0; column < row; ++column) {
-      root[row * size + column] *= weight(row) * weight(column);
+      root[row * size + column] *= weight[row] * weight[column];
     }
     root[row * size + row] = 1.0 + kNegligibleCorrelation;
   }
@@ -94,8 +81,8 @@ void root_of_covariance(const SquareMatrix& covariance, std::size_t size, Square
   invert_lower(root, inverse, size);
   for (std::size_t row = 0; row < size; ++row) {
     for (std::size_t column = 0; column <= row; ++column) {
-      root[row * size + column] *= deviation(row);
-      inverse[row * size + column] *= weight(column);
+      root[row * size + column] *= deviation[row];
+      inverse[row * size + column] *= weight[column];
     }
   }
 }

@@ -15,6 +15,7 @@
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/estimation/small_matrix.hpp"
 #include "posfet_core/numbers.hpp"
+#include "posfet_core/product.hpp"
 
 namespace posfet {
 

@@ -12,6 +12,8 @@
 #include <numeric>
 #include <utility>
 
+#include "posfet_core/product.hpp"
+
 namespace posfet {
 
 TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_constant,

@@ -26,9 +26,6 @@ void transpose(const SquareMatrix& matrix, SquareMatrix& out, std::size_t size);
 /// Make a matrix symmetric by its lower half.
 void mirror_lower(SquareMatrix& matrix, std::size_t size);
 
-/// Sum of the products of two rows.
-double dot(const double* one, const double* other, std::size_t count);
-
 /// Replace a symmetric matrix A, of which the lower half is read, by its lower root L with A = L L'. Throws
 /// std::domain_error where A is not positive.
 void replace_by_root(SquareMatrix& matrix, std::size_t size);
