@@ -507,7 +507,7 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
-        self._hot = self._shown_hot = False
+        self._hot, self._shown_hot, self._touched_for = False, False, 0.0
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
         shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops

@@ -107,28 +107,29 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
       lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
       surroundings_(Grid(array_.layout)),
+      readings_(priors_.reading),
+      absorbed_(array_.time_constant, array_.newton_per_kelvin),
+      hidden_(array_.newton_per_kelvin, priors_),
+      hot_film_(taxels(), priors_.warmth_time),
+      moved_share_(taxels()),
+      certainty_(array_.threshold),
       blocks_(taxels(), touch_),
       witnesses_(taxels()),
       passed_(taxels(), touch_),
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
-  for (auto* values : {
-           &leaked_,         &mean_,          &last_mean_,    &steady_, &usual_,       &stepped_,
-           &untouched_time_, &usual_offset_,  &absorbed_,     &tail_,   &touch_force_, &warmed_,
-           &warmth_,         &own_,           &measured_,     &noise_,  &residual_,    &untouched_variance_,
-           &deviation_,      &own_deviation_, &leaked_share_, &values_, &hidden_,      &felt_,
-       }) {
+  for (auto* values : {&leaked_, &mean_, &last_mean_, &steady_, &stepped_, &tail_, &touch_force_, &warmed_, &warmth_,
+                       &own_, &measured_, &noise_, &residual_, &untouched_variance_, &deviation_, &own_deviation_,
+                       &leaked_share_, &values_}) {
     values->assign(taxels(), 0.0);
   }
-  share_.assign(taxels(), 0.0);
   for (auto* values : {&response_, &unheated_response_, &sensitivity_, &driven_}) {
     values->assign(taxels() * kSharedStates, 0.0);
   }
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
   state().rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask :
-       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_, &tapped_, &warm_}) {
+  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -235,7 +236,7 @@ void ForceEstimator::tare(bool forced, double* change) {
     state().correction[taxel] -= change[taxel];
     state().force[taxel] += change[taxel];
     state().held[taxel] += change[taxel];
-    usual_[taxel] -= change[taxel];
+    absorbed_.shift(taxel, -change[taxel]);
     mean_[taxel] += change[taxel];
   }
   forget_blocks();
@@ -261,7 +262,7 @@ void ForceEstimator::forget_touch() {
   Belief& b = *belief();
   const std::vector<double> mean = priors_.mean();
   const SquareMatrix prior = priors_.covariance();
-  hot_ = shown_hot_ = false;
+  hot_film_.forget();
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* response = response_.data() + taxel * kSharedStates;
@@ -292,14 +293,12 @@ void ForceEstimator::start(const double* charge) {
   ForceIntegration::State& s = state();
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
-    integration_->block().reading = kUnknown;  // it says what these temperatures are, and nothing else
-    unread_ = 0.0;
+    readings_.start(integration_->block());  // it says what these temperatures are, and nothing else
     std::vector<double> mean = priors_.mean();
     SquareMatrix covariance = priors_.covariance();
     mean[kEarlier] = b.shared[kEarlier];
     covariance[kEarlier * kSharedStates + kEarlier] = b.variance(kEarlier);
     filter_.restart_temperature(sensors, mean.data(), covariance.data());
-    leaked_since_ = 0.0;
   }
   std::vector<double>& before = values_;
   std::vector<double>& remaining = noise_;
@@ -320,14 +319,13 @@ void ForceEstimator::start(const double* charge) {
   lower_bound_.start(before.data(), remaining.data());
   b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    usual_[taxel] = b.error_of(taxel)[kForceError];
-    usual_offset_[taxel] = b.error_of(taxel)[kOffset];
+    absorbed_.restart(taxel, b);
     values_[taxel] = signal(taxel);
     chosen_[taxel] = !s.offset_known[taxel];
   }
   forget_blocks();
   drop_hypothesis();
-  recent_force_.fill(0.0);
+  certainty_.start();
   unexplained_.reset();
   release_.restart();
   integration_->block().started = true;
@@ -338,9 +336,10 @@ void ForceEstimator::start(const double* charge) {
 }
 
 void ForceEstimator::forget() {
-  farthest_ = touched_for_ = 0.0;
+  farthest_ = 0.0;
+  zero_known_ = false;
   refutation_.clear();
-  hot_ = shown_hot_ = zero_known_ = false;
+  hot_film_.forget();
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
   for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
@@ -406,8 +405,7 @@ void ForceEstimator::restart(const TaxelFlags& where) {
       s.clipped[taxel] = 0.0;
       s.correction[taxel] = s.raw[taxel];
       s.held[taxel] = s.force[taxel] = 0.0;
-      usual_[taxel] = b.error_of(taxel)[kForceError];
-      usual_offset_[taxel] = b.error_of(taxel)[kOffset];
+      absorbed_.restart(taxel, b);
     }
   }
   forget_blocks();
@@ -440,7 +438,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   }
   find_touched(block);
   measure(block);
-  follow_touch(block);
+  hot_film_.follow(block.touched.any(), block.duration);
   observe_rest(block);
   blocks_.push();
   if (uniform_.open()) {
@@ -574,14 +572,14 @@ void ForceEstimator::find_touched(Block& block) {
   surroundings_.dilate(odd_, chosen_);
   const bool hot = may_be_hot();
   if (hot) {
-    find_warm();
+    hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
   }
   const double pressed = pressed_force();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = state().sum[taxel] / integration_->block().scans;
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
-    const bool below = hot && mean < -array_.threshold && warm_[taxel];
+    const bool below = hot && mean < -array_.threshold && hot_film_.warm()[taxel];
     const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
     const bool moving = touched_[taxel] && !left;
     const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();

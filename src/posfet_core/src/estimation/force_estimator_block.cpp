@@ -26,16 +26,6 @@ namespace posfet {
 
 namespace {
 
-/// Interval of the readings of the temperature sensors before it is known [s]: that of board status.
-constexpr double kStatusInterval = 0.1;
-
-/// Time after which a reading of the temperature sensors that has not changed counts again [intervals]: some are equal
-/// to the one before.
-constexpr double kRepeated = 3.0;
-
-/// Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time.
-constexpr double kSameError = 1.0;
-
 /// Least force that stands in for an unknown one beside a contact [contact threshold].
 constexpr double kLeastFelt = 0.1;
 
@@ -44,14 +34,6 @@ constexpr double kLeastLeak = 0.5;
 
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
-
-/// Greatest change of a taxel's share of the force that is no motion [1]: the deviation of its force, between these.
-/// What changes more has moved, however uncertain the force is.
-constexpr double kSharePlay = 2e-3;
-constexpr double kGreatestSharePlay = 0.02;
-
-/// Sum of the shares of the force up to which the touch has just begun [1]: no sum of plays alone.
-constexpr double kBegun = 0.51;
 
 /// Product of the change of a value and of the greater one of both.
 double changed_square(double now, double before) {
@@ -78,7 +60,7 @@ void ForceEstimator::measure(Block& block) {
     const double play = kPlay * std::sqrt(block.noise[taxel]);
     steady_[taxel] = std::min(std::max(steady_[taxel], mean_[taxel] - play), mean_[taxel] + play);
   }
-  take_reading(block);
+  readings_.take(*integration_, block);
   find_tails(block);
   block.touch_before = touch_;
   measure_touch(block);
@@ -86,24 +68,6 @@ void ForceEstimator::measure(Block& block) {
   measure_process_noise(block);
   block.before = *belief();
   last_duration_ = scans.elapsed;
-}
-
-/// Take the new reading of the temperature sensors, or the last one if it has been the same for long enough.
-void ForceEstimator::take_reading(Block& block) {
-  ForceIntegration::Block& scans = integration_->block();
-  unread_ += scans.elapsed;
-  leaked_since_ += scans.elapsed * scans.leak;
-  block.leaked_time = leaked_since_;
-  const Thermometers& thermometers = integration_->thermometers();
-  const double interval = std::isnan(thermometers.interval()) ? kStatusInterval : thermometers.interval();
-  const bool repeated = std::isnan(scans.reading) && unread_ >= kRepeated * interval && thermometers.known();
-  block.reading = repeated ? scans.sensors : scans.reading;
-  block.reading_variance = square(priors_.reading) * (repeated ? std::max(kSameError / unread_, 1.0) : 1.0);
-  block.interval = std::min(unread_, interval);  // a reading that shows no change is none
-  if (!std::isnan(block.reading)) {
-    scans.reading = kUnknown;
-    unread_ = 0.0;
-  }
 }
 
 /// Find what the touch lets the taxels beside it feel.
@@ -176,31 +140,6 @@ double ForceEstimator::held_force(const Block& block, std::size_t taxel) const {
   return block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
 }
 
-/// Find the share of the force that has moved from taxel to taxel within a block [1].
-double ForceEstimator::find_moved_share(const Block& block) {
-  double total = 0.0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    total += held_force(block, taxel);
-  }
-  double before = 0.0;
-  double moved = 0.0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double held = held_force(block, taxel);
-    double share = 0.0;
-    double play = kSharePlay;
-    if (total > 0.0) {
-      share = held / total;
-      // With a play, as tremor and errors change shares, too: those of weak forces lag behind.
-      play = std::min(std::max(std::sqrt(whole_variance(taxel)) / total, kSharePlay), kGreatestSharePlay);
-    }
-    const double now = std::min(std::max(share_[taxel], share - play), share + play);
-    before += share_[taxel];
-    moved += std::abs(now - share_[taxel]);
-    share_[taxel] = now;
-  }
-  return total > 0.0 && before > kBegun ? 0.5 * moved : 0.0;  // a touch that begins has not moved
-}
-
 /// Take the variance of what has leaked unseen while the signal of a taxel was clipped [N2]: that adds to what is wrong
 /// already.
 double ForceEstimator::clipped_noise(std::size_t taxel) {
@@ -220,7 +159,12 @@ void ForceEstimator::measure_process_noise(Block& block) {
   double moved = 0.0;
   double total = 0.0;
   double before = 0.0;
-  block.moved_share = find_moved_share(block);
+  std::vector<double>& pressing = values_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    pressing[taxel] = held_force(block, taxel);
+    deviation_[taxel] = block.touched.any() ? std::sqrt(whole_variance(taxel)) : 0.0;
+  }
+  block.moved_share = moved_share_.update(pressing, deviation_);
   TaxelFlags& near = chosen_;
   if (touch) {
     surroundings_.dilate(block.touched, near);
@@ -228,7 +172,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
-    const double held = held_force(block, taxel);
+    const double held = pressing[taxel];
     const double tail = block.tail[taxel];
     const double leaked = scans_square * square(block.leak / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;

@@ -29,25 +29,15 @@ constexpr double kBeyondRange = 1.25;
 /// hardly separable then.
 constexpr double kGreatestWarmth = 0.08;
 
-/// Share of the greatest force of the last blocks below which the force falls as in a release [1].
-constexpr double kReleasing = 0.9;
-
 /// Change of the gain per force on a taxel [1/N], assumed: with the preload of the film, the charge per small force
 /// grows by up to two per cent per newton, half of which counts for the force itself.
 constexpr double kNonlinearity = 0.01;
-
-/// Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it.
-constexpr double kTapShare = 0.25;
 
 /// Blocks in which the array must have been still before offsets count as known [1]: 0.1 s.
 constexpr std::size_t kSettledBlocks = 5;
 
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
-
-/// Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its
-/// end tells of the errors is no slow press.
-constexpr double kAbsorbedTime = 5.0;
 
 }  // namespace
 
@@ -66,7 +56,12 @@ void ForceEstimator::finish(const Block& block) {
     s.force[taxel] = s.raw[taxel] - s.correction[taxel];
     mean_[taxel] = block.mean[taxel] - predicted[taxel];
   }
-  follow_usual(block);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (listed_[taxel] || !offset_known()[taxel]) {
+      absorbed_.touch(taxel);
+    }
+  }
+  absorbed_.follow(block, b, rate, beside_);
   set_covariance(block);
   recovering_ = std::max(0.0, recovering_ - block.duration);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -80,73 +75,14 @@ void ForceEstimator::finish(const Block& block) {
   start_block();
 }
 
-/// Follow the errors of the forces and their offsets slowly, where nothing touches. A press that grows too slowly to be
-/// seen moves both: its beginning is absorbed, and so is its growth, as an offset. What a film that warms makes of them
-/// is known as far as the taxel's response is.
-void ForceEstimator::follow_usual(const Block& block) {
-  const double warming = film_rate() * block.duration;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double* error = belief()->error_of(taxel);
-    if (listed_[taxel] || !offset_known()[taxel]) {
-      untouched_time_[taxel] = 0.0;
-    }
-    const double leaking = offset(taxel) + usual_offset_[taxel] - error[kOffset];
-    usual_[taxel] += block.duration * leaking * block.leak / array_.time_constant[taxel] +
-                     array_.newton_per_kelvin[taxel] * warming * error[kPyroelectric];
-    if (beside_[taxel]) {
-      continue;
-    }
-    untouched_time_[taxel] += block.duration;
-    // Twice as fast as their age: what was estimated early, and so less well, is soon forgotten.
-    const double time = std::min(std::max(untouched_time_[taxel], 2.0 * block.duration), kAbsorbedTime);
-    const double share = 2.0 * block.duration / time;
-    usual_[taxel] += share * (error[kForceError] - usual_[taxel]);
-    usual_offset_[taxel] += share * (error[kOffset] - usual_offset_[taxel]);
-  }
-}
-
-/// Find what a slow press may have lost to zeros [N]. It counts in the deviation only: the filter would explain the
-/// rest of the press by it. What the untouched taxels have in common by the pattern of their pyroelectric responses is
-/// what the temperature of the film seemed to be until the sensors said otherwise, and no press.
+/// Find what zeros may have taken of a slow press. It counts in the deviation only: the filter would explain the rest
+/// of the press by it.
 void ForceEstimator::find_absorbed() {
-  Vector<double> kelvins;
+  TaxelFlags& untouched = odd_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    absorbed_[taxel] = belief()->error_of(taxel)[kForceError] - usual_[taxel];
-    if (uniform_.observable() && !touched_[taxel] && !ignored()[taxel]) {
-      kelvins.push_back(absorbed_[taxel] / array_.newton_per_kelvin[taxel]);
-    }
+    untouched[taxel] = uniform_.observable() && !touched_[taxel] && !ignored()[taxel];
   }
-  const double film = kelvins.size() < kFewestForUniform ? 0.0 : median(kelvins);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    absorbed_[taxel] = std::max(absorbed_[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
-  }
-}
-
-/// Follow what the warmth of an object may hide of a touch that no contact lists yet [N]. What a taxel reads, what
-/// zeros have absorbed and, where these two are more than errors, what is hidden already cause that warmth together. It
-/// counts in the deviation only: such a touch may be none, and the filter would explain it by the warmth. What a tap
-/// leaves of its force is no touch: warmth hides none of it within a block. On the taxels beside it most is such a
-/// rest.
-void ForceEstimator::follow_hidden(const Block& block) {
-  const double follows = -std::expm1(-block.duration / priors_.warmth_time);
-  const double kelvin = std::hypot(belief()->shared[kWarmth], std::sqrt(belief()->variance(kWarmth)));
-  const bool begins = !listed_.any();
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double mean = std::max(mean_[taxel], 0.0);
-    const double fallen = felt_[taxel] - mean;
-    const bool tap = fallen > kTapShare * felt_[taxel] && square(fallen) > square(kGate) * 2.0 * block.noise[taxel];
-    tapped_[taxel] = touched_[taxel] && (tapped_[taxel] || tap);
-    felt_[taxel] = mean;
-  }
-  surroundings_.dilate(tapped_, chosen_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double read = begins && touched_[taxel] && !tapped_[taxel] ? felt_[taxel] + absorbed_[taxel] : 0.0;
-    const double variance = block.noise[taxel] + belief()->own_variance(taxel);
-    const bool presses = square(read) > square(kSurprising) * variance && !chosen_[taxel];
-    const double felt = read + (presses ? hidden_[taxel] : 0.0);
-    const double share = -std::expm1(-felt * priors_.warmth_force_spread / priors_.warmth_force);
-    hidden_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - hidden_[taxel]);
-  }
+  absorbed_.find(*belief(), untouched);
 }
 
 void ForceEstimator::set_covariance(const Block& block) {
@@ -154,7 +90,7 @@ void ForceEstimator::set_covariance(const Block& block) {
   ForceIntegration::State& s = state();
   std::vector<double>& shared_variance = values_;
   find_absorbed();
-  follow_hidden(block);
+  hidden_.follow(block, b, {mean_, absorbed_.values(), touched_, !listed_.any()}, surroundings_);
   filter_.covariance_root(block.response.data(), own_.data(), response_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* sensitivity = sensitivity_.data() + taxel * kSharedStates;
@@ -174,7 +110,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     std::copy_n(response_.data() + taxel * kSharedStates, kSharedStates, factor);
     factor[kSharedStates] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * unconfirmed_;
-    factor[kSharedStates + 2] = absorbed_[taxel] + hidden_[taxel];
+    factor[kSharedStates + 2] = absorbed_.values()[taxel] + hidden_.values()[taxel];
     factor[kSharedStates + 3] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
     // temperature contributes, which grows during a touch only.
@@ -205,8 +141,7 @@ bool ForceEstimator::is_valid(double duration) {
     may_touch = may_touch || (touched_[taxel] && chosen_[taxel]);
     total += chosen_[taxel] ? force()[taxel] : 0.0;
   }
-  recent_force_[recent_] = std::abs(total);
-  recent_ = (recent_ + 1) % recent_force_.size();
+  certainty_.add(total);
   may_touch = may_touch || warmed > array_.threshold || refutation_.wide();
   double deviation = 0.0;
   if (may_touch) {
@@ -217,12 +152,13 @@ bool ForceEstimator::is_valid(double duration) {
   if (unknown_zero || recovering_ > 0.0 || !sound) {
     return false;
   }
-  return !may_touch || is_certain(chosen_, total, deviation);
+  return !may_touch || is_certain(chosen_, deviation);
 }
 
 /// Whether what touches may have warmed the film so much that force and warmth are hardly separable.
 bool ForceEstimator::may_be_hot() const {
-  return hot_ || std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth;
+  return hot_film_.hot() ||
+         std::abs(belief()->shared[kWarmth]) + std::sqrt(belief()->variance(kWarmth)) > kGreatestWarmth;
 }
 
 /// Standard deviation of the total force of these taxels [N].
@@ -240,23 +176,13 @@ double ForceEstimator::total_deviation(const TaxelFlags& counted) const {
   return std::sqrt(variance + dot(shared.data(), shared.data(), kCauses));
 }
 
-/// Whether the `total` force, which is that of these taxels, is certain enough while something touches, or may.
-bool ForceEstimator::is_certain(const TaxelFlags& counted, double total, double deviation) const {
-  if (may_be_hot()) {
-    return false;
-  }
+/// Whether the total force of these taxels is certain enough while something touches, or may.
+bool ForceEstimator::is_certain(const TaxelFlags& counted, double deviation) const {
   double noise = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     noise += counted[taxel] ? noise_variance_[taxel] : 0.0;
   }
-  if (total < -kSurprising * deviation - array_.threshold) {
-    return false;  // no object pulls
-  }
-  // A release makes the force small before it is found.
-  const double greatest = *std::max_element(recent_force_.begin(), recent_force_.end());
-  const double present = std::abs(total);
-  const double force = present < kReleasing * greatest ? greatest : present - kGate * std::sqrt(noise);
-  return deviation <= std::max(max_relative_uncertainty * force, array_.threshold);
+  return !may_be_hot() && certainty_.is_certain(deviation, std::sqrt(noise), max_relative_uncertainty);
 }
 
 /// Mark offsets as known once the array has been still.

@@ -33,15 +33,6 @@ constexpr double kCorrelated = 50.0;
 /// Time in which readings show at what rate the film has warmed since before the start [s]: it is constant.
 constexpr double kEarly = 2.0;
 
-/// Share of the warmth of a touch from which the film of a taxel may be warm [1].
-constexpr double kWarmed = 0.05;
-
-/// Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot.
-constexpr double kHottestObject = 15.0;
-
-/// Time that a touch must last to show what it warms, in time constants of that warmth [1].
-constexpr double kWarmingTimes = 2.0;
-
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
@@ -484,51 +475,21 @@ void ForceEstimator::find_released() {
   }
 }
 
-/// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so; what is
-/// in `odd_` is lost.
-void ForceEstimator::find_warm() {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    odd_[taxel] = touch_.warm()[taxel] > kWarmed;
-  }
-  surroundings_.dilate(odd_, warm_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    warm_[taxel] = warm_[taxel] || (hot_ && beside_[taxel]);
-  }
-}
-
-/// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero,
-/// as no object pulls. Only what has touched since before the start and is released does that, too. Such taxels are
-/// left as they are, until the film has cooled: none are in `zeros_` then.
+/// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero.
+/// Only what has touched since before the start and is released does that, too. Such taxels are left as they are, until
+/// the film has cooled: none are in `zeros_` then.
 void ForceEstimator::find_hot_film() {
   if (!zeros_.any()) {
     return;
   }
-  find_warm();
-  bool hot = false;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    // Without a pyroelectric response, infinite.
-    const double kelvin = std::abs(residual_[taxel] / array_.newton_per_kelvin[taxel]);
-    hot = hot || (zeros_[taxel] && warm_[taxel] && kelvin < kHottestObject);
-  }
-  if (!hot) {
+  hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
+  if (!hot_film_.explains(zeros_, residual_, array_.newton_per_kelvin)) {
     return;
   }
-  hot_ = shown_hot_ = true;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = chosen_[taxel] && !zeros_[taxel];
     zeros_[taxel] = false;
   }
-}
-
-/// Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown.
-void ForceEstimator::follow_touch(const Block& block) {
-  if (block.touched.any()) {
-    touched_for_ += block.duration;
-    return;
-  }
-  hot_ = touched_for_ < kWarmingTimes * priors_.warmth_time ? hot_ : shown_hot_;
-  shown_hot_ = false;
-  touched_for_ = 0.0;
 }
 
 /// Set the forces of these taxels to zero. They and those beside them cool from then on.
@@ -536,7 +497,7 @@ void ForceEstimator::reset_released(const Block& block) {
   surroundings_.dilate(zeros_, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
-      untouched_time_[taxel] = 0.0;
+      absorbed_.touch(taxel);
       const double warmth = square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]);
       double* own = belief()->own_of(taxel);
       own[own_at(kForceError, kForceError)] += warmth;
@@ -579,7 +540,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
       touch_.reduce_warmth(taxel, mean_[taxel], belief()->shared[kWarmth]);
-      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_[taxel]);
+      belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_.values()[taxel]);
     }
     noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);
   }

@@ -23,18 +23,24 @@
 #include <memory>
 #include <vector>
 
+#include "posfet_core/estimation/absorbed_force.hpp"
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/held_forces.hpp"
+#include "posfet_core/estimation/hidden_force.hpp"
+#include "posfet_core/estimation/hot_film.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/moved_share.hpp"
 #include "posfet_core/estimation/object_heating.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/sensor_readings.hpp"
 #include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
+#include "posfet_core/estimation/total_certainty.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/validity.hpp"
 #include "posfet_core/estimation/witnesses.hpp"
@@ -190,7 +196,6 @@ private:
   double tail_spread() const;
   double film_rate() const;
   void find_absorbed();
-  void follow_hidden(const Block& block);
   std::size_t usable() const;
 
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
@@ -212,11 +217,9 @@ private:
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
   void find_tails(Block& block);
   double held_force(const Block& block, std::size_t taxel) const;
-  double find_moved_share(const Block& block);
   double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
   void add_unknown_warmth(Block& block) const;
-  void take_reading(Block& block);
   void observe_rest(const Block& block);
   void observe_steps(bool at_rest);
   double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
@@ -262,15 +265,12 @@ private:
   void end_unknown_touch(const Block& block);
 
   void finish(const Block& block);
-  void follow_usual(const Block& block);
   void set_covariance(const Block& block);
   bool is_valid(double duration);
   double total_deviation(const TaxelFlags& counted) const;
-  bool is_certain(const TaxelFlags& counted, double total, double deviation) const;
+  bool is_certain(const TaxelFlags& counted, double deviation) const;
   bool may_be_hot() const;
-  void find_warm();
   void find_hot_film();
-  void follow_touch(const Block& block);
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
@@ -294,6 +294,12 @@ private:
   RestDetector rest_;
   LowerBoundMonitor lower_bound_;
   ContactSurroundings surroundings_;
+  SensorReadings readings_;
+  AbsorbedForce absorbed_;
+  HiddenForce hidden_;
+  HotFilm hot_film_;
+  MovedShare moved_share_;
+  TotalCertainty certainty_;
   LastBlocks blocks_;
   Witnesses witnesses_;
   Block passed_;  ///< Place of what has passed since a witness was called.
@@ -301,24 +307,15 @@ private:
   TaxelFlags informative_;
   std::size_t restarts_ = 0;
   std::size_t processed_again_ = 0;
-  double recovering_ = 0.0;        ///< Time until forces may be valid after an interruption [s].
-  double rested_ = 0.0;            ///< Time since a contact was listed [s].
-  double unread_ = 0.0;            ///< Time since the last reading of the temperature sensors [s].
-  double last_duration_ = kBlock;  ///< Duration of the last block [s].
-  int unobserved_ = 0;             ///< Blocks since the last window of a steady force.
-  std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks>
-      recent_force_{};  ///< Of the last
-                        ///< blocks [N].
-  std::size_t recent_ = 0;
+  double recovering_ = 0.0;                ///< Time until forces may be valid after an interruption [s].
+  double rested_ = 0.0;                    ///< Time since a contact was listed [s].
+  double last_duration_ = kBlock;          ///< Duration of the last block [s].
+  int unobserved_ = 0;                     ///< Blocks since the last window of a steady force.
   std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
   double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
-  double leaked_since_ = 0.0;              ///< `Block::leaked_time` of the newest block [s].
   double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
   double expected_rate_ = 0.0;             ///< which is this one [K/s].
   double refuted_ = 0.0;  ///< By how much sensors contradict the zeros of the newest block [K]: something wide presses.
-  bool hot_ = false;      ///< Whether this or the last touch has shown a hot film.
-  bool shown_hot_ = false;    ///< Whether the present one has.
-  double touched_for_ = 0.0;  ///< How long it has lasted [s].
   double unconfirmed_ = 0.0;  ///< Temperature that the hypothesis claims beyond what the sensors show [K].
 
   std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
@@ -328,15 +325,7 @@ private:
   std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
   std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
-  std::vector<double> usual_;               ///< Error of the force that a slow press is compared with [N].
-  std::vector<double> untouched_time_;      ///< Time since a taxel was listed in a contact [s].
-  std::vector<double> usual_offset_;        ///< Offset of the signal that goes with it [N].
-  std::vector<double> absorbed_;            ///< What a slow press may have lost to zeros [N].
-  std::vector<double> hidden_;              ///< What warmth may hide of a touch that is not listed yet [N].
-  std::vector<double> felt_;                ///< Mean force of the last block, no less than zero [N].
-  TaxelFlags tapped_;                       ///< Touched taxels that have lost most of their force within a block.
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
-  std::vector<double> share_;               ///< Touched force over the total one, with a play [1].
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
   std::vector<double> warmth_;              ///< Greatest relative warmth of the taxels [1].
@@ -350,7 +339,6 @@ private:
   // Work space of a step of the filter.
   TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
   TaxelFlags judged_;                  ///< Taxels whose residual counts.
-  TaxelFlags warm_;                    ///< Taxels whose film a touch may have warmed.
   TaxelFlags zeros_;                   ///< Taxels whose force is known.
   TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
   TaxelFlags chosen_;                  ///< Any others.

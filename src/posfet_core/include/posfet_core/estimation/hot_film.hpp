@@ -1,0 +1,56 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Objects that warm the film by more than can be told from a force.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/flags.hpp"
+
+namespace posfet {
+
+/// Knows whether what touches has shown that it is hot: what touches next may be as hot, until a touch that lasts shows
+/// nothing of that kind.
+class HotFilm {
+public:
+  /// Time constant of the warmth of touched taxels [s].
+  HotFilm(std::size_t taxels, double warmth_time) : warmth_time_(warmth_time), near_(taxels), warm_(taxels) {}
+
+  /// Whether this or the last touch has shown a hot film.
+  bool hot() const { return hot_; }
+
+  /// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so: by the
+  /// warmth of each relative to that of a long touch, and by what is beside the present touch.
+  void find_warm(const std::vector<double>& warmth, const TaxelFlags& beside, const ContactSurroundings& surroundings);
+
+  /// What `find_warm` found.
+  const TaxelFlags& warm() const { return warm_; }
+
+  /// Process forces below zero of some taxels [N], of pyroelectric signals [N/K]; return whether a hot film explains
+  /// one of them, as a touch may have warmed it and no object pulls.
+  bool explains(const TaxelFlags& below, const std::vector<double>& force,
+                const std::vector<double>& newton_per_kelvin);
+
+  /// Process a block of some duration [s] in which something touches, or nothing.
+  void follow(bool touches, double duration);
+
+  /// Forget what touches have shown.
+  void forget();
+
+private:
+  double warmth_time_;
+  bool hot_ = false;
+  bool shown_ = false;        ///< Whether the present touch has shown a hot film.
+  double touched_for_ = 0.0;  ///< How long it has lasted [s].
+  TaxelFlags near_;           ///< Taxels that are warm themselves.
+  TaxelFlags warm_;
+};
+
+}  // namespace posfet

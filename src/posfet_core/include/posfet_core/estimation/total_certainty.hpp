@@ -1,0 +1,42 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+/// Whether the total force is certain enough to be valid.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "posfet_core/estimation/known_forces.hpp"
+
+namespace posfet {
+
+/// Compares the deviation of the total force with that force, or with the greatest of the last blocks while it falls: a
+/// release makes the force small before it is found.
+class TotalCertainty {
+public:
+  /// Contact threshold [N].
+  explicit TotalCertainty(double threshold) : threshold_(threshold) {}
+
+  /// Begin anew.
+  void start() { recent_.fill(0.0); }
+
+  /// Take the total force of a block [N].
+  void add(double total);
+
+  /// Whether that force is certain enough, by its deviation and that of its noise [N]: no more than a share of the
+  /// force, or than the threshold; and no object pulls.
+  bool is_certain(double deviation, double noise, double most) const;
+
+private:
+  double threshold_;
+  double total_ = 0.0;
+  std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks> recent_{};  ///< Sizes [N].
+  std::size_t next_ = 0;
+};
+
+}  // namespace posfet

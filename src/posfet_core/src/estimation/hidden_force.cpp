@@ -1,0 +1,65 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/hidden_force.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/numbers.hpp"
+
+namespace posfet {
+
+namespace {
+
+/// Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it.
+constexpr double kTapShare = 0.25;
+
+}  // namespace
+
+HiddenForce::HiddenForce(std::vector<double> newton_per_kelvin, const ErrorPriors& priors)
+    : newton_per_kelvin_(std::move(newton_per_kelvin)),
+      warmth_time_(priors.warmth_time),
+      least_force_(priors.warmth_force / priors.warmth_force_spread),
+      felt_(newton_per_kelvin_.size(), 0.0),
+      tapped_(newton_per_kelvin_.size()),
+      near_taps_(newton_per_kelvin_.size()),
+      values_(newton_per_kelvin_.size(), 0.0) {}
+
+void HiddenForce::follow(const Block& block, const Belief& belief, const Shown& shown,
+                         const ContactSurroundings& surroundings) {
+  const double follows = -std::expm1(-block.duration / warmth_time_);
+  const double kelvin = std::hypot(belief.shared[kWarmth], std::sqrt(belief.variance(kWarmth)));
+  find_taps(block, shown);
+  surroundings.dilate(tapped_, near_taps_);
+  for (std::size_t taxel = 0; taxel < felt_.size(); ++taxel) {
+    const bool counts = shown.begins && shown.touched[taxel] && !tapped_[taxel];
+    const double read = counts ? felt_[taxel] + shown.absorbed[taxel] : 0.0;
+    const double variance = block.noise[taxel] + belief.own_variance(taxel);
+    const bool presses = square(read) > square(kSurprising) * variance && !near_taps_[taxel];
+    const double force = read + (presses ? values_[taxel] : 0.0);
+    const double share = -std::expm1(-force / least_force_);
+    values_[taxel] += follows * (std::abs(newton_per_kelvin_[taxel]) * kelvin * share - values_[taxel]);
+  }
+}
+
+/// Find the touched taxels that have been tapped, and keep what each reads.
+void HiddenForce::find_taps(const Block& block, const Shown& shown) {
+  for (std::size_t taxel = 0; taxel < felt_.size(); ++taxel) {
+    const double force = std::max(shown.force[taxel], 0.0);
+    const double fallen = felt_[taxel] - force;
+    const bool tap = fallen > kTapShare * felt_[taxel] && square(fallen) > square(kGate) * 2.0 * block.noise[taxel];
+    tapped_[taxel] = shown.touched[taxel] && (tapped_[taxel] || tap);
+    felt_[taxel] = force;
+  }
+}
+
+}  // namespace posfet
