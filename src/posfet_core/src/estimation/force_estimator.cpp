@@ -100,8 +100,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
       unexplained_(taxels(), array_.threshold),
       release_(taxels()),
-      jumps_(array_.time_constant),
-      walk_(priors_.film_walk, array_.film_lag),
+      rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
       held_forces_(Grid(array_.layout)),
       rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
@@ -439,7 +438,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   find_touched(block);
   measure(block);
   hot_film_.follow(block.touched.any(), block.duration);
-  observe_rest(block);
+  observe_noise(block);
   blocks_.push();
   if (uniform_.open()) {
     follow_unheated(block);

@@ -18,7 +18,6 @@
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"
-#include "posfet_core/medians.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
@@ -177,7 +176,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
     const double leaked = scans_square * square(block.leak / array_.time_constant[taxel]);
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
     double& grown = own[own_at(kForceError, kForceError)];
-    const double stepped = jumps_.variance(taxel, block.span);
+    const double stepped = rest_noise_.jumps().variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
     grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + clipped_noise(taxel);
     const double warmed = warmth_variance(taxel);
@@ -236,101 +235,56 @@ void ForceEstimator::add_unknown_warmth(Block& block) const {
   }
 }
 
-/// Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended.
-void ForceEstimator::observe_rest(const Block& block) {
+/// Observe the noise of the stored blocks; that of the temperature not where a touch may have begun, or has just ended.
+void ForceEstimator::observe_noise(const Block& block) {
   rested_ = block.listed.any() ? 0.0 : rested_ + block_time();
   const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * kBlock + kQuiet;
-  observe_steps(at_rest);
-  if (!at_rest || block.touched.any()) {
-    walk_.pause();
-    return;
-  }
-  const std::size_t count = usable();
-  if (count < kFewestForUniform || !uniform_.observable()) {
-    return;
-  }
-  const Block& before = blocks_[0];
-  const Block& after = blocks_[1];
-  std::vector<double>& change = values_;
-  std::fill(change.begin(), change.end(), 0.0);
-  const double kelvin = add_change(before, after, change);
-  double noise = 0.0;
+  const bool comparable = usable() >= kFewestForUniform && uniform_.observable();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    noise += ignored()[taxel] ? 0.0 : after.noise[taxel] / square(array_.newton_per_kelvin[taxel]);
+    chosen_[taxel] = !ignored()[taxel];
   }
-  const double known = walk_.intensity();
-  walk_.observe(kelvin, 0.5 * kPi * noise / square(static_cast<double>(count)), after.span);  // that of a median
-  if (const double grown = walk_.intensity() - known; grown > 0.0) {
-    // A walk that was not expected counted as a drift of the offsets, as far as it can look like one. The film warmed
-    // by less then, since the start, and zeros were the same.
+  if (blocks_.full()) {
+    rest_noise_.observe_steps(blocks_, *belief(), chosen_, at_rest && comparable);
+  }
+  if (!at_rest || block.touched.any()) {
+    rest_noise_.pause();
+  } else if (comparable) {
+    const double known = rest_noise_.walk().intensity();
+    rest_noise_.observe_walk(blocks_, *belief(), chosen_);
+    admit_walk(known);
+  }
+}
+
+/// Admit what a random walk of the temperature may have done that was weaker as far as was known [K2/s]. As far as it
+/// can look like a drift of the offsets, it counted as one: the film warmed by less then, since the start, and zeros
+/// were the same.
+void ForceEstimator::admit_walk(double known) {
+  const double walk = rest_noise_.walk().intensity();
+  if (walk > known) {
     std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
     drifting[kRate] = -1.0 / mean_per_kelvin();
     drifting[kChip] = drifting[kFilm] = drifting[kSensor] = age() * drifting[kRate];
     const double observed = std::min(age(), TemperatureWalk::kMemory * TemperatureWalk::kLeastTime);
-    filter_.widen(drifting.data(), square(mean_per_kelvin() / age()) * grown * observed);
+    filter_.widen(drifting.data(), square(mean_per_kelvin() / age()) * (walk - known) * observed);
   }
-  dynamics_.set_film_walk(walk_.intensity());
-}
-
-/// Observe the steps of single signals in the middle of the stored blocks; at rest also those that are no rises of the
-/// force, whatever they are.
-void ForceEstimator::observe_steps(bool at_rest) {
-  if (!blocks_.full()) {
-    return;
-  }
-  const Block& after = blocks_[kStepHalf];
-  std::vector<double>& change = values_;
-  std::vector<double>& step = deviation_;
-  StepWindow window{{}, {}, after.noise.data(), chosen_.data()};
-  double time = 0.0;
-  for (std::size_t index = 0; index < kStepWindow; ++index) {
-    time += blocks_[index].span;
-    window.time.push_back(time);
-    window.force.push_back(blocks_[index].mean.data());
-  }
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    chosen_[taxel] = !ignored()[taxel];
-    change[taxel] = 0.0;
-  }
-  find_signal_steps(window, array_.time_constant, step.data());
-  if (at_rest && usable() >= kFewestForUniform && uniform_.observable()) {
-    add_change(blocks_[kStepHalf - 1], after, change);
-    const double both = add_change(after, blocks_[kStepHalf + 1], change);
-    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-      change[taxel] -= array_.newton_per_kelvin[taxel] * both;
-    }
-  }
-  jumps_.observe(chosen_.data(), step.data(), change.data(), after.noise.data(), after.span);
-}
-
-/// Add to changes of the mean forces [N] those from one block to the next, without what the offsets cause. Returns what
-/// all have in common, as a change of the film's temperature [K].
-double ForceEstimator::add_change(const Block& from, const Block& to, std::vector<double>& change) const {
-  Vector<double> kelvins;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double drift = offset(taxel) * to.leak / array_.time_constant[taxel];
-    change[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
-    if (!ignored()[taxel]) {
-      kelvins.push_back(change[taxel] / array_.newton_per_kelvin[taxel]);
-    }
-  }
-  return upper_median(kelvins);
+  dynamics_.set_film_walk(walk);
 }
 
 /// Update the shared states by a force that has been steady in all stored blocks.
 void ForceEstimator::observe_steady_force() {
-  ++unobserved_;
-  if (!blocks_.full() || unobserved_ < kHop || !blocks_.newest().listed.any()) {
+  if (!steady_force_.is_due(blocks_.full() && blocks_.newest().listed.any())) {
     return;
   }
-  unobserved_ = 0;
-  const Taxels held = held_taxels();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = !ignored()[taxel] && !lower_bound_.mask()[taxel];
+  }
+  const Taxels held = held_taxels(blocks_, chosen_);
   if (held.empty()) {
     return;
   }
   const Belief& b = *belief();
-  const SteadyWindow window = window_of(held);
+  const SteadyWindow window = window_of(blocks_, b, held);
   double coldest = std::numeric_limits<double>::infinity();
   double warmest = -coldest;
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
@@ -354,48 +308,6 @@ void ForceEstimator::observe_steady_force() {
   if (square(found->innovation) < square(kSurprising) * expected) {
     filter_.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
   }
-}
-
-/// Taxels that have been in contact in all stored blocks, with a force that is known.
-Taxels ForceEstimator::held_taxels() const {
-  Taxels held;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    bool steady = !ignored()[taxel] && !lower_bound_.mask()[taxel];
-    for (std::size_t index = 0; steady && index < blocks_.size(); ++index) {
-      steady = blocks_[index].listed[taxel];
-    }
-    if (steady) {
-      held.push_back(static_cast<Taxel>(taxel));
-    }
-  }
-  return held;
-}
-
-/// What some taxels did in the stored blocks.
-SteadyWindow ForceEstimator::window_of(const Taxels& held) const {
-  const Belief& b = *belief();
-  Vector<double> times(blocks_.size());
-  double time = 0.0;
-  for (std::size_t index = 0; index < blocks_.size(); ++index) {
-    times[index] = time += blocks_[index].span;
-  }
-  SteadyWindow window(std::move(times), held.size());
-  for (std::size_t index = 0; index < blocks_.size(); ++index) {
-    const Block& block = blocks_[index];
-    for (std::size_t place = 0; place < held.size(); ++place) {
-      const auto taxel = static_cast<std::size_t>(held[place]);
-      std::array<double, kSharedStates> response{};
-      std::copy_n(block.response.data() + taxel * kSharedStates, response.size(), response.begin());
-      response[kLeak] = -block.charge[taxel];  // as it is, whatever its time constant
-      const double expected = b.error_of(taxel)[kForceError] + dot(response.data(), b.shared.data(), response.size());
-      window.add(index, place, block.mean[taxel] - expected, block.charge[taxel]);
-      response[kFilm] = 0.0;  // the only one of these states that is not constant
-      for (std::size_t shared = 0; shared < kSharedStates; ++shared) {
-        window.response[shared][index] += response[shared];
-      }
-    }
-  }
-  return window;
 }
 
 }  // namespace posfet

@@ -14,6 +14,9 @@
 
 namespace posfet {
 
+/// Deviations from which on a residual is no error that the filter expects [1].
+constexpr double kGate = 5.0;
+
 /// A taxel restarts when its force exceeds this many times the greatest force of the device [1]; a saturated taxel may
 /// exceed the greatest force.
 constexpr double kRunaway = 4.0;

@@ -14,7 +14,6 @@
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"
-#include "posfet_core/medians.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 

@@ -105,7 +105,7 @@ void ForceEstimator::step(std::size_t index) {
   bool zeros = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double& variance = belief()->own_of(taxel)[own_at(kOffset, kOffset)];
-    variance = std::max(variance, jumps_.least_offset_variance(taxel));
+    variance = std::max(variance, rest_noise_.jumps().least_offset_variance(taxel));
     zeros = zeros || (!block.touched[taxel] && !ignored()[taxel] && unexplained_.below()[taxel] == 0.0);
   }
   const Contradiction found = measure_temperature(filter_, block, zeros);

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "force_estimator_constants.hpp"
-#include "posfet_core/estimation/known_forces.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/numbers.hpp"
 

@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "posfet_core/estimation/known_forces.hpp"
+#include "force_estimator_constants.hpp"
 
 namespace posfet {
 

@@ -44,13 +44,6 @@ double product(const Vector<double>& one, const Vector<double>& other) {
   return dot(one.data(), other.data(), one.size());
 }
 
-void subtract_mean(Vector<double>& values) {
-  const double mean = sum(values) / static_cast<double>(values.size());
-  for (double& each : values) {
-    each -= mean;
-  }
-}
-
 /// Take mean and linear trend, of these weights in its slope, from a course of values.
 Vector<double> without_trend(Vector<double> values, const Vector<double>& weights) {
   subtract_mean(values);
@@ -72,26 +65,11 @@ Vector<double> motion(const SteadyWindow& window, double slope) {
 
 }  // namespace
 
-SteadyWindow::SteadyWindow(Vector<double> times, std::size_t taxels)
-    : time(std::move(times)),
-      weights(time),
-      force(time.size(), 0.0),
-      charge(time.size(), 0.0),
-      force_rate(taxels, 0.0),
-      charge_rate(taxels, 0.0),
-      response(kSharedStates, Vector<double>(time.size(), 0.0)) {
-  subtract_mean(weights);
-  const double square = product(weights, weights);
-  for (double& each : weights) {
-    each /= square;
-  }
-}
-
-void SteadyWindow::add(std::size_t block, std::size_t taxel, double its_force, double its_charge) {
-  force[block] += its_force;
-  charge[block] += its_charge;
-  force_rate[taxel] += weights[block] * its_force;
-  charge_rate[taxel] += weights[block] * its_charge;
+bool SteadyForce::is_due(bool possible) {
+  ++passed_;
+  const bool due = possible && passed_ >= kHop;
+  passed_ = due ? 0 : passed_;
+  return due;
 }
 
 std::optional<SharedMeasurement> SteadyForce::observe(const SteadyWindow& window, double warmed, double noise) {

@@ -9,7 +9,7 @@
 
 #include <algorithm>
 
-#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/release_detector.hpp"
 
 namespace posfet {
 

@@ -9,7 +9,7 @@
 ///
 /// The inverse of the leak gives a force F^ that is never corrected (force_integration.hpp). Its errors, and what else
 /// generates charge besides the force, are the states of `ForceErrorFilter`, measured wherever a force is known
-/// (known_forces.hpp):
+/// (docs/estimation.md#when-a-force-is-known):
 ///
 ///     F_i = F^_i - d_i - h_i.s
 ///
@@ -31,18 +31,19 @@
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/hidden_force.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
-#include "posfet_core/estimation/jump_noise.hpp"
-#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/lower_bound_monitor.hpp"
 #include "posfet_core/estimation/moved_share.hpp"
 #include "posfet_core/estimation/object_heating.hpp"
+#include "posfet_core/estimation/release_detector.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
+#include "posfet_core/estimation/rest_noise.hpp"
 #include "posfet_core/estimation/sensor_readings.hpp"
-#include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
-#include "posfet_core/estimation/temperature_walk.hpp"
+#include "posfet_core/estimation/steady_window.hpp"
 #include "posfet_core/estimation/total_certainty.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
-#include "posfet_core/estimation/validity.hpp"
+#include "posfet_core/estimation/unexplained_residuals.hpp"
+#include "posfet_core/estimation/uniform_change.hpp"
 #include "posfet_core/estimation/witnesses.hpp"
 #include "posfet_core/estimation/zero_refutation.hpp"
 #include "posfet_core/force_integration.hpp"
@@ -220,12 +221,9 @@ private:
   double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
   void add_unknown_warmth(Block& block) const;
-  void observe_rest(const Block& block);
-  void observe_steps(bool at_rest);
-  double add_change(const Block& from, const Block& to, std::vector<double>& change) const;
+  void observe_noise(const Block& block);
+  void admit_walk(double known);
   void observe_steady_force();
-  Taxels held_taxels() const;
-  SteadyWindow window_of(const Taxels& held) const;
 
   bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
   bool was_misled();
@@ -285,8 +283,7 @@ private:
   UniformChange uniform_;
   UnexplainedResiduals unexplained_;
   ReleaseDetector release_;
-  JumpNoise jumps_;
-  TemperatureWalk walk_;
+  RestNoise rest_noise_;
   SteadyForce steady_force_;
   HeldForces held_forces_;
   ObjectHeating heating_;
@@ -310,7 +307,6 @@ private:
   double recovering_ = 0.0;                ///< Time until forces may be valid after an interruption [s].
   double rested_ = 0.0;                    ///< Time since a contact was listed [s].
   double last_duration_ = kBlock;          ///< Duration of the last block [s].
-  int unobserved_ = 0;                     ///< Blocks since the last window of a steady force.
   std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
   double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
   double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],

@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "posfet_core/estimation/steady_window.hpp"
 #include "posfet_core/recycled.hpp"
 
 namespace posfet {
@@ -34,33 +35,19 @@ struct SharedMeasurement {
   double variance;             ///< Variance of the noise.
 };
 
-/// What the touched taxels do in a window of blocks.
-struct SteadyWindow {
-  SteadyWindow(Vector<double> times, std::size_t taxels);
-
-  /// Add the estimated force, with the present shared states, and the charge that is left, as a force up to a constant
-  /// [N], of a taxel in a block.
-  void add(std::size_t block, std::size_t taxel, double its_force, double its_charge);
-
-  Vector<double> time;              ///< Times of the blocks [s].
-  Vector<double> weights;           ///< Weights of the blocks in the slope of a trend [1/s].
-  Vector<double> force;             ///< Sums of the forces of each block [N].
-  Vector<double> charge;            ///< Sums of the charges of each block [N].
-  Vector<double> force_rate;        ///< Slope of the force of each taxel [N/s].
-  Vector<double> charge_rate;       ///< Slope of the charge of each taxel [N/s].
-  Vector<Vector<double>> response;  ///< Response of the error of the sum of forces to each of the shared states,
-                                    ///< [states][blocks]; zero for states that are not constant.
-};
-
 /// Finds what forces that are held tell, and how steady they have been.
 class SteadyForce {
 public:
+  /// Count a block; return whether a window begins with it, where one can.
+  bool is_due(bool possible);
+
   /// Find what the touched taxels together tell in a window: none where that is nothing, or their force is not steady.
   /// `warmed`: by how much the film's temperature may have changed their sum within the window [N]; `noise`: variance
   /// of the noise of each sum of forces and of charges, which is the same noise [N2].
   std::optional<SharedMeasurement> observe(const SteadyWindow& window, double warmed, double noise);
 
 private:
+  int passed_ = 0;             ///< Blocks since the last window.
   double unsteadiness_ = 0.0;  ///< Greatest change of the force in a window, for a while, as a share of the force [1].
 };
 

@@ -11,7 +11,7 @@
 #include <array>
 #include <cstddef>
 
-#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/release_detector.hpp"
 
 namespace posfet {
 

@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-#include "posfet_core/estimation/validity.hpp"
+#include "posfet_core/estimation/lower_bound_monitor.hpp"
 
 #include <algorithm>
 

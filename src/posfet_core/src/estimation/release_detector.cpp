@@ -5,20 +5,16 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-#include "posfet_core/estimation/known_forces.hpp"
+#include "posfet_core/estimation/release_detector.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
-#include "posfet_core/medians.hpp"
+#include "force_estimator_constants.hpp"
 
 namespace posfet {
 
 namespace {
-
-/// Mean residual from which on residuals are no error that the filter expects [1]: as many deviations of that mean.
-const double kPersistent = kGate / std::sqrt(2.0 * UnexplainedResiduals::kPersistentBlocks - 1.0);
 
 /// Mean of so many squares that zero forces exceed as rarely as `kReleasedDeviations`. Quantile of the chi-square
 /// distribution after Wilson and Hilferty, PNAS 17, 684, 1931.
@@ -28,48 +24,6 @@ double mean_square(std::size_t count) {
 }
 
 }  // namespace
-
-UnexplainedResiduals::UnexplainedResiduals(std::size_t taxels, double threshold)
-    : small_(kSmall * threshold),
-      rising_(taxels),
-      below_(taxels, 0.0),
-      steady_(taxels, 0.0),
-      level_(taxels, 0.0),
-      mean_(taxels, 0.0) {}
-
-void UnexplainedResiduals::add_persistent(const bool* where, const double* residual, bool* odd) {
-  for (std::size_t taxel = 0; taxel < mean_.size(); ++taxel) {
-    mean_[taxel] = where[taxel] ? mean_[taxel] + (residual[taxel] - mean_[taxel]) / kPersistentBlocks : 0.0;
-    odd[taxel] = odd[taxel] || mean_[taxel] > kPersistent;
-  }
-}
-
-void UnexplainedResiduals::update(const bool* odd, const double* residual, const double* mean, const double* noise,
-                                  double duration, bool* errors) {
-  std::fill(errors, errors + below_.size(), false);
-  if (std::none_of(odd, odd + below_.size(), [](bool each) { return each; })) {
-    reset();
-    return;
-  }
-  for (std::size_t taxel = 0; taxel < below_.size(); ++taxel) {
-    const bool up = residual[taxel] > 0.0;
-    rising_[taxel] = odd[taxel] && up;
-    below_[taxel] = odd[taxel] && !up ? below_[taxel] + duration : 0.0;
-    const bool moved = !rising_[taxel] || std::abs(mean[taxel] - level_[taxel]) > kSteadyDeviations * noise[taxel];
-    level_[taxel] = moved ? mean[taxel] : level_[taxel];
-    steady_[taxel] = moved ? 0.0 : steady_[taxel] + duration;
-    errors[taxel] = below_[taxel] >= kNegativeTime || (steady_[taxel] >= kUnexplainedTime && residual[taxel] < small_);
-    if (errors[taxel]) {
-      below_[taxel] = steady_[taxel] = 0.0;
-    }
-  }
-}
-
-void UnexplainedResiduals::reset() {
-  rising_.fill(false);
-  std::fill(below_.begin(), below_.end(), 0.0);
-  std::fill(steady_.begin(), steady_.end(), 0.0);
-}
 
 ReleaseDetector::ReleaseDetector(std::size_t taxels)
     : peak_(taxels, 0.0),
@@ -168,85 +122,6 @@ bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, 
   }
   return total < kReleasedShare * object && moved < kGate * noise + kResidualMotion * peak &&
          squares / static_cast<double>(contact.size()) < mean_square(contact.size());
-}
-
-UniformChange::UniformChange(std::vector<double> newton_per_kelvin, double spread)
-    : per_kelvin_(std::move(newton_per_kelvin)),
-      spread_(spread),
-      observable_(per_kelvin_.size() >= kFewestForUniform &&
-                  std::all_of(per_kelvin_.begin(), per_kelvin_.end(), [](double each) { return each != 0.0; })) {
-  work_.reserve(per_kelvin_.size());
-}
-
-double UniformChange::median_of(const double* values, const bool* where) {
-  work_.clear();
-  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
-    if (where[taxel]) {
-      work_.push_back(values[taxel]);
-    }
-  }
-  return median(work_);
-}
-
-double UniformChange::temperature(const double* residual, const bool* where, const double* deviation, const double* own,
-                                  double duration, bool noticed) {
-  work_.clear();
-  double response = 0.0;
-  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
-    if (where[taxel]) {
-      work_.push_back(residual[taxel] / per_kelvin_[taxel]);
-      response += per_kelvin_[taxel];
-    }
-  }
-  if (!observable_ || work_.size() < kFewestForUniform) {
-    return 0.0;
-  }
-  const auto count = static_cast<double>(work_.size());
-  const double kelvin = median(work_);
-  const double force = kelvin * response / count;  // mean of the taxels
-  const double single = median_of(deviation, where);
-  const double alone = median_of(own, where);
-  const double shared = std::max(single * single - alone * alone, 0.0);
-  const double least = (noticed ? kNoticeable : kGate) * std::sqrt(shared + alone * alone / count);
-  if (std::abs(force) < least) {
-    return 0.0;
-  }
-  if (force < 0.0) {
-    return kelvin;  // no object pulls at the whole array
-  }
-  int misfits = 0;
-  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
-    const double expected = kelvin * per_kelvin_[taxel];
-    const double tolerance = kNoticeable * (spread_ * std::abs(expected) + own[taxel]);
-    misfits += where[taxel] && std::abs(residual[taxel] - expected) > tolerance ? 1 : 0;
-  }
-  const bool fits = misfits <= kMisfits * count && std::abs(kelvin) <= kFastestWarming * duration;
-  return fits && may_open() ? kelvin : 0.0;
-}
-
-bool UniformChange::is_refused(std::size_t odd, std::size_t judged, const Evidence& evidence, double duration) {
-  pause_ = judged > 0 ? std::max(pause_ - duration, 0.0) : pause_;
-  if (!open()) {
-    return false;
-  }
-  open_ += duration;
-  bool wrong = static_cast<double>(odd) > kMisfits * static_cast<double>(judged);
-  if (open_ >= evidence.wait) {
-    const auto [claimed, shown, deviation, negligible, wait] = evidence;
-    const bool much = shown * claimed >= kConfirmed * claimed * claimed;
-    const bool resolved = std::abs(claimed - shown) > kDistinct * deviation;
-    wrong = wrong || (resolved && !much && std::abs(claimed) >= std::abs(shown));
-    const bool confirmed = much && std::abs(shown) > kDistinct * deviation;
-    if (resolved || confirmed || std::abs(claimed - shown) <= negligible) {
-      close();
-    }
-  }
-  return wrong;
-}
-
-void UniformChange::refuse() {
-  close();
-  pause_ = kPause;
 }
 
 }  // namespace posfet
