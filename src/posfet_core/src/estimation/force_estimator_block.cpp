@@ -134,11 +134,6 @@ void ForceEstimator::add_held_forces(const std::vector<double>& force, std::vect
   }
 }
 
-/// Force of a touched taxel, but for its noise [N]; none of the others.
-double ForceEstimator::held_force(const Block& block, std::size_t taxel) const {
-  return block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
-}
-
 /// Take the variance of what has leaked unseen while the signal of a taxel was clipped [N2]: that adds to what is wrong
 /// already.
 double ForceEstimator::clipped_noise(std::size_t taxel) {
@@ -149,64 +144,24 @@ double ForceEstimator::clipped_noise(std::size_t taxel) {
 
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
 void ForceEstimator::measure_process_noise(Block& block) {
-  const double scans_square = integration_->block().square;
-  const double walk = square(priors_.offset_walk) * block.span;
-  const bool touch = block.touched.any() || touch_.responding() || touched_.any();
-  const double spread = square(tail_spread());
-  const double cooled = -std::expm1(-block.span / priors_.warmth_time);
-  double whole = 0.0;
-  double moved = 0.0;
-  double total = 0.0;
-  double before = 0.0;
   std::vector<double>& pressing = values_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    pressing[taxel] = held_force(block, taxel);
+    pressing[taxel] = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
     deviation_[taxel] = block.touched.any() ? std::sqrt(whole_variance(taxel)) : 0.0;
   }
+  const double total = sum(pressing);
+  const double before = sum(touch_force_);
   block.moved_share = moved_share_.update(pressing, deviation_);
-  TaxelFlags& near = chosen_;
-  if (touch) {
-    surroundings_.dilate(block.touched, near);
-  }
+  block.tail_moved = 0.0;
   std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
-    const double held = pressing[taxel];
-    const double tail = block.tail[taxel];
-    const double leaked = scans_square * square(block.leak / array_.time_constant[taxel]);
-    own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
-    double& grown = own[own_at(kForceError, kForceError)];
-    const double stepped = rest_noise_.jumps().variance(taxel, block.span);
-    stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
-    grown = walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + clipped_noise(taxel);
-    const double warmed = warmth_variance(taxel);
-    const double warmth = touch_.warm()[taxel] + touch_.range()[taxel];
-    const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;
-    block.cooled[taxel] = std::min(std::max(1.0 - left, 0.0), cooled);
-    const double differs = std::max(warmed, warmed_[taxel]) - square(1.0 - block.cooled[taxel]) * warmed_[taxel];
-    own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
-    own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
-    grown += differs;
-    const double warming = warmed - warmed_[taxel];
-    warmed_[taxel] = warmed;
-    if (touch) {
-      grown += square(priors_.motion) * changed_square(held, touch_force_[taxel]);
-      // A force that rises beside a contact cannot be told from warmth: each is as likely.
-      own[own_at(kSmallForce, kSmallForce)] = spread * changed_square(tail, tail_[taxel]) + std::max(warming, 0.0);
-      if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
-        own[own_at(kSmallForce, kSmallForce)] += block.moved_share * square(tail);
-      }
-      whole += std::max(tail, tail_[taxel]);
-      moved += std::abs(tail - tail_[taxel]);
-    }
-    total += held;
-    before += touch_force_[taxel];
-    touch_force_[taxel] = held;
-    tail_[taxel] = tail;
-    warmth_[taxel] = warmth;
+  add_signal_noise(block);
+  add_warmth_noise(block);
+  if (block.touched.any() || touch_.responding() || touched_.any()) {
+    add_touch_noise(block, pressing);
   }
+  touch_force_ = pressing;
+  tail_ = block.tail;
   add_unknown_warmth(block);
-  block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
   // As far from the temperature of the calibration as never before.
   const double farther = std::max(farthest_, std::abs(integration_->block().warmer));
   block.leak_noise = square(array_.leak_temperature.deviation) * (square(farther) - square(farthest_));
@@ -216,6 +171,61 @@ void ForceEstimator::measure_process_noise(Block& block) {
   const double heating = heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), earlier);
   block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before) +
                      square(priors_.warming_share) * changed_square(block.warming, block.touch_before.warming());
+}
+
+/// Add what noise and steps of the signals, and of their offsets, do to the forces.
+void ForceEstimator::add_signal_noise(Block& block) {
+  const double walk = square(priors_.offset_walk) * block.span;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
+    const double leaked = integration_->block().square * square(block.leak / array_.time_constant[taxel]);
+    const double stepped = rest_noise_.jumps().variance(taxel, block.span);
+    stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
+    own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
+    own[own_at(kForceError, kForceError)] =
+        walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + clipped_noise(taxel);
+  }
+}
+
+/// Add by how much the warmth of a taxel may begin to differ from the common one; find what share of it cools. A force
+/// that rises beside a contact cannot be told from warmth: each is as likely.
+void ForceEstimator::add_warmth_noise(Block& block) {
+  const double cooled = -std::expm1(-block.span / priors_.warmth_time);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
+    const double warmed = warmth_variance(taxel);
+    const double warmth = touch_.warm()[taxel] + touch_.range()[taxel];
+    const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;
+    block.cooled[taxel] = std::min(std::max(1.0 - left, 0.0), cooled);
+    const double differs = std::max(warmed, warmed_[taxel]) - square(1.0 - block.cooled[taxel]) * warmed_[taxel];
+    own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
+    own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
+    own[own_at(kForceError, kForceError)] += differs;
+    own[own_at(kSmallForce, kSmallForce)] = std::max(warmed - warmed_[taxel], 0.0);
+    warmed_[taxel] = warmed;
+    warmth_[taxel] = warmth;
+  }
+}
+
+/// Add what a film does as the force changes, and how the small forces beside a contact change with those in it.
+void ForceEstimator::add_touch_noise(Block& block, const std::vector<double>& pressing) {
+  const double spread = square(tail_spread());
+  double whole = 0.0;
+  double moved = 0.0;
+  surroundings_.dilate(block.touched, chosen_);
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
+    const double tail = block.tail[taxel];
+    own[own_at(kForceError, kForceError)] +=
+        square(priors_.motion) * changed_square(pressing[taxel], touch_force_[taxel]);
+    own[own_at(kSmallForce, kSmallForce)] += spread * changed_square(tail, tail_[taxel]);
+    if (chosen_[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
+      own[own_at(kSmallForce, kSmallForce)] += block.moved_share * square(tail);
+    }
+    whole += std::max(tail, tail_[taxel]);
+    moved += std::abs(tail - tail_[taxel]);
+  }
+  block.tail_moved = whole > 0.0 ? moved / whole : 0.0;
 }
 
 /// Add the warmth that no response knows, of taxels that count as untouched from now on: on a hot film they do so once

@@ -217,9 +217,11 @@ private:
   void measure_touch(Block& block);
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
   void find_tails(Block& block);
-  double held_force(const Block& block, std::size_t taxel) const;
   double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
+  void add_signal_noise(Block& block);
+  void add_warmth_noise(Block& block);
+  void add_touch_noise(Block& block, const std::vector<double>& pressing);
   void add_unknown_warmth(Block& block) const;
   void observe_noise(const Block& block);
   void admit_walk(double known);
