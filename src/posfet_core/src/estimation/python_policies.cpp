@@ -19,6 +19,7 @@
 
 #include "../python_arrays.hpp"
 #include "../python_bindings.hpp"
+#include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/held_forces.hpp"
@@ -34,7 +35,6 @@
 #include "posfet_core/estimation/unexplained_residuals.hpp"
 #include "posfet_core/estimation/uniform_change.hpp"
 #include "posfet_core/estimation/zero_refutation.hpp"
-#include "force_estimator_constants.hpp"
 #include "python_estimation.hpp"
 
 namespace posfet {
