@@ -8,6 +8,7 @@
 #include "posfet_core/estimation/force_estimator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -484,147 +485,10 @@ bool ForceEstimator::is_refuted(Block& block) {
   return true;
 }
 
-/// Something wide presses all taxels.
-void ForceEstimator::touch_all(Block& block) const {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
-  }
-}
-
-/// Whether readings of the sensors may tell a press from a film that cools: their lag is calibrated, as it looks like a
-/// press where the rate changes; no contact has just been released, whose warmth is in all zeros; and all offsets are
-/// known.
-bool ForceEstimator::may_tell() const {
-  bool known = priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    known = known && (offset_known()[taxel] || ignored()[taxel]);
-  }
-  return known;
-}
-
-/// Let the witnesses follow a block. Where a reading is not what the sensors alone let expect, the temperature does
-/// something of its own, and they know nothing of a press.
-void ForceEstimator::follow_witnesses(const Block& block) {
-  if (!may_tell()) {
-    witnesses_.clear();
-    return;
-  }
-  witnesses_.pass(block);
-  Witness* witness = witnesses_.behind();
-  if (witness == nullptr) {
-    return;
-  }
-  static_cast<Passage&>(passed_) = witnesses_.next(*witness);
-  predict(witness->filter, passed_);
-  const Contradiction found = measure_temperature(witness->filter, passed_, false);
-  witness->evidence += passed_.unlikely - (found.square + found.spread);
-  ++witness->next;
-  if (found.square > square(kSurprising)) {
-    witnesses_.clear();
-  }
-}
-
-/// Believe the witness with the most evidence, if that is enough, and if zeros have hidden a press since then.
-/// Something wide presses all taxels, then. Not while the hypothesis of a warmer film is open, which has a witness of
-/// its own. Otherwise a new witness is called when it is time.
-bool ForceEstimator::take_witness(Block& block) {
-  const Witness* best = nullptr;
-  for (std::size_t index = 0; index < witnesses_.size(); ++index) {
-    const Witness& each = witnesses_[index];
-    const double hidden = (belief()->shared[kFilm] - each.filter.belief()->shared[kFilm]) * mean_per_kelvin();
-    const double least = best == nullptr ? ZeroRefutation::kEvidence : best->evidence;
-    best = hidden > 0.0 && each.evidence > least && !uniform_.open() ? &each : best;
-  }
-  if (best == nullptr) {
-    if (may_tell()) {
-      witnesses_.call(*belief());
-    }
-    return false;
-  }
-  *belief() = best->before;
-  witnesses_.replay(*best, passed_, [this](const Block& passed) {
-    predict(filter_, passed);
-    measure_temperature(filter_, passed, false);
-  });
-  ++processed_again_;
-  refutation_.refute();
-  touch_all(block);
-  forget_blocks();
-  return true;
-}
-
 /// Forget what could be processed again, as that would undo what has been decided.
 void ForceEstimator::forget_blocks() {
   blocks_.clear();
   witnesses_.clear();
-}
-
-/// Find the taxels whose force is not known to be none or small: those in contact, those that a touch may have begun
-/// on, and those that were touched and have not been still since.
-void ForceEstimator::find_touched(Block& block) {
-  // Those touched since before an interruption have a force that is unknown: not none, whatever the signal says. Until
-  // a contact is listed, a wide object presses more taxels than those whose residual is beyond its noise.
-  const bool begins = !block.listed.any();
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    odd_[taxel] = lower_bound_.mask()[taxel] || (begins && unexplained_.rising()[taxel]);
-  }
-  surroundings_.dilate(odd_, chosen_);
-  const bool hot = may_be_hot();
-  if (hot) {
-    hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
-  }
-  const double pressed = pressed_force();
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double mean = state().sum[taxel] / integration_->block().scans;
-    const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
-    // Below zero no object touches, unless it is hot.
-    const bool below = hot && mean < -array_.threshold && hot_film_.warm()[taxel];
-    const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
-    const bool moving = touched_[taxel] && !left;
-    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
-    block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
-  }
-}
-
-/// Force of a touched taxel from which on it has not left, however still it is [N]: what presses all taxels slowly is
-/// still. Infinite where nothing does.
-double ForceEstimator::pressed_force() const {
-  std::size_t untouched = 0;
-  double total = 0.0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
-    total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
-  }
-  const bool wide = refutation_.significant() && untouched < kFewestForUniform;
-  return wide && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
-                              : std::numeric_limits<double>::infinity();
-}
-
-/// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a
-/// listed contact are `lost`. Returns whether there are any. That a contact is no longer significant is no evidence of
-/// zero forces. Of one with the whole array, where no untouched taxel shows the film's temperature, single taxels
-/// become uncertain before the others.
-bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
-  if (!touched_.any()) {
-    return false;
-  }
-  std::size_t untouched = 0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
-  }
-  const bool whole = untouched < kFewestForUniform;
-  surroundings_.dilate(listed, chosen_);
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const bool was = whole ? touched_[taxel] : listed_[taxel] && !chosen_[taxel];
-    const bool held = state().sum[taxel] > integration_->block().scans * array_.threshold;
-    if (held && was && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
-      listed[taxel] = true;
-      if (!chosen_[taxel]) {  // else it is part of that contact, and is released with it
-        lost.push_back(static_cast<Taxel>(taxel));
-      }
-    }
-  }
-  return !lost.empty();
 }
 
 }  // namespace posfet

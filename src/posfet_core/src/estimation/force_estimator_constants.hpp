@@ -24,6 +24,12 @@ constexpr double kRunaway = 4.0;
 /// Deviations from which on a reading of the temperature sensors is unexpected [1].
 constexpr double kSurprising = 3.0;
 
+/// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
+constexpr double kCorrelated = 50.0;
+
+/// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
+constexpr double kLeastTail = 1e-4;
+
 /// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, lost
 /// scans.
 constexpr std::size_t kCauses = kSharedStates + 4;

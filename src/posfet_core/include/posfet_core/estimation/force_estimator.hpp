@@ -181,6 +181,15 @@ public:
   bool touch_at_start = false;
 
 private:
+  /// What a reading of the sensors differs from its expectation by.
+  struct Contradiction {
+    double kelvin;      ///< Reading less expectation, after all that explains it [K].
+    double deviations;  ///< Size of that in its deviations [1].
+    double square;      ///< Square of that in its variance, before anything explains it [1],
+    double spread;      ///< and the logarithm of that variance [1].
+  };
+
+  // What the estimates say.
   ForceIntegration::State& state() { return integration_->state(); }
   const ForceIntegration::State& state() const { return integration_->state(); }
   double signal(std::size_t taxel) const;
@@ -193,32 +202,28 @@ private:
   double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
   double warmth_variance(std::size_t taxel) const;
   double whole_variance(std::size_t taxel) const;
-  void forget_touch();
   double tail_spread() const;
   double film_rate() const;
-  void find_absorbed();
   std::size_t usable() const;
+  bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
 
+  // From one block to the next (force_estimator.cpp).
+  void start_block();
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   bool is_refuted(Block& block);
-  bool may_tell() const;
-  void follow_witnesses(const Block& block);
-  bool take_witness(Block& block);
-  void touch_all(Block& block) const;
-  void start_over();
-  void start_block();
   void restart(const TaxelFlags& where);
+  void start_over();
+  void forget_touch();
+  void forget_blocks();
 
-  void find_touched(Block& block);
-  double pressed_force() const;
-  bool find_unreleased(TaxelFlags& listed, Taxels& lost);
+  // What a block shows (force_estimator_block.cpp).
   void measure(Block& block);
+  void find_tails(Block& block);
   static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
   void measure_touch(Block& block);
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
-  void find_tails(Block& block);
-  double clipped_noise(std::size_t taxel);
   void measure_process_noise(Block& block);
+  double clipped_noise(std::size_t taxel);
   void add_signal_noise(Block& block);
   void add_warmth_noise(Block& block);
   void add_touch_noise(Block& block, const std::vector<double>& pressing);
@@ -227,50 +232,53 @@ private:
   void admit_walk(double known);
   void observe_steady_force();
 
-  bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
-  bool was_misled();
-  double unnoticed_change();
-  void forget_blocks();
+  // A step of the filter (force_estimator_update.cpp).
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
   void predict(ForceErrorFilter& filter, const Block& block);
-
-  /// What a reading of the sensors differs from its expectation by.
-  struct Contradiction {
-    double kelvin;      ///< Reading less expectation, after all that explains it [K].
-    double deviations;  ///< Size of that in its deviations [1].
-    double square;      ///< Square of that in its variance, before anything explains it [1],
-    double spread;      ///< and the logarithm of that variance [1].
-  };
-
-  Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   void measure_zeros(std::size_t index);
-  void find_slow_touches(const Block& block);
   void expect_small_forces(const Block& block);
   void find_residuals();
+  void find_slow_touches(const Block& block);
+  void measure_faulty(const Block& block);
+  bool is_zero_faulty(const Block& block, std::size_t taxel) const;
+  void judge(Block& block);
+  void restart_or_correct(Block& block);
+
+  // Temperature, or a press (force_estimator_temperature.cpp).
+  Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
+  bool was_misled();
+  double unnoticed_change();
+  bool may_tell() const;
+  void follow_witnesses(const Block& block);
+  bool take_witness(Block& block);
   void explain_by_temperature(std::size_t index);
   void open_hypothesis();
   void drop_hypothesis();
   void follow_unheated(const Block& block);
-  void measure_faulty(const Block& block);
-  bool is_zero_faulty(const Block& block, std::size_t taxel) const;
-  void judge(Block& block);
   UniformChange::Evidence evidence_of(const Block& block);
   void take_unheated(Block& block);
-  void restart_or_correct(Block& block);
+
+  // Where something touches, and where it has ended (force_estimator_touch.cpp).
+  void find_touched(Block& block);
+  void touch_all(Block& block) const;
+  double pressed_force() const;
+  bool find_unreleased(TaxelFlags& listed, Taxels& lost);
   void find_released();
+  void find_hot_film();
   void reset_released(const Block& block);
   void release(Block& block, const Vector<const Taxels*>& contacts);
   bool drop_shown(const std::vector<double>& variance);
   void end_unknown_touch(const Block& block);
 
+  // What follows for the forces (force_estimator_outcome.cpp).
   void finish(const Block& block);
+  void find_absorbed();
   void set_covariance(const Block& block);
   bool is_valid(double duration);
+  bool may_be_hot() const;
   double total_deviation(const TaxelFlags& counted) const;
   bool is_certain(const TaxelFlags& counted, double deviation) const;
-  bool may_be_hot() const;
-  void find_hot_film();
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
