@@ -46,6 +46,15 @@ void ForceEstimator::find_touched(Block& block) {
   }
 }
 
+/// Whether a touch leaves too few taxels to show the film's temperature.
+bool ForceEstimator::is_whole(const TaxelFlags& touched) const {
+  std::size_t untouched = 0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    untouched += !ignored()[taxel] && !touched[taxel] ? 1 : 0;
+  }
+  return untouched < kFewestForUniform;
+}
+
 /// Something wide presses all taxels.
 void ForceEstimator::touch_all(Block& block) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -56,14 +65,11 @@ void ForceEstimator::touch_all(Block& block) const {
 /// Force of a touched taxel from which on it has not left, however still it is [N]: what presses all taxels slowly is
 /// still. Infinite where nothing does.
 double ForceEstimator::pressed_force() const {
-  std::size_t untouched = 0;
   double total = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
     total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
   }
-  const bool wide = refutation_.significant() && untouched < kFewestForUniform;
-  return wide && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
+  return refutation_.significant() && is_whole(touched_) && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
                               : std::numeric_limits<double>::infinity();
 }
 
@@ -75,11 +81,7 @@ bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
   if (!touched_.any()) {
     return false;
   }
-  std::size_t untouched = 0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    untouched += !ignored()[taxel] && !touched_[taxel] ? 1 : 0;
-  }
-  const bool whole = untouched < kFewestForUniform;
+  const bool whole = is_whole(touched_);
   surroundings_.dilate(listed, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const bool was = whole ? touched_[taxel] : listed_[taxel] && !chosen_[taxel];

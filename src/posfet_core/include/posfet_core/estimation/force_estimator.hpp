@@ -261,6 +261,7 @@ private:
 
   // Where something touches, and where it has ended (force_estimator_touch.cpp).
   void find_touched(Block& block);
+  bool is_whole(const TaxelFlags& touched) const;
   void touch_all(Block& block) const;
   double pressed_force() const;
   bool find_unreleased(TaxelFlags& listed, Taxels& lost);
