@@ -69,8 +69,9 @@ double ForceEstimator::pressed_force() const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
   }
-  return refutation_.significant() && is_whole(touched_) && usable() > 0 ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
-                              : std::numeric_limits<double>::infinity();
+  return refutation_.significant() && is_whole(touched_) && usable() > 0
+             ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
+             : std::numeric_limits<double>::infinity();
 }
 
 /// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a
