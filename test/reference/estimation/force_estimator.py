@@ -637,13 +637,16 @@ class ForceEstimator:
             noise, mean = np.sqrt(self._noise_variance / self._scans), self._sum / self._scans
             left = self._release.left(np.abs(mean) if hot else mean, noise)
             usable = ~self.ignored
-            few = np.count_nonzero(usable & ~self._touched) < UniformChange.FEWEST
-            if self._refutation.significant and few and any_true(usable):
+            if self._refutation.significant and self._is_whole(self._touched) and any_true(usable):
                 # What presses all taxels slowly is still, and has not left.
                 left &= mean <= PRESSED * mean[usable].mean()
             unknown |= self._touched & ~left
         touched: Mask = listed | (unknown & self.offset_known)
         return touched
+
+    def _is_whole(self, touched: Mask) -> bool:
+        """Return whether a touch leaves too few taxels to show the film's temperature."""
+        return int(np.count_nonzero(~(self.ignored | touched))) < UniformChange.FEWEST
 
     def _unreleased(self, listed: Mask) -> Mask:
         """Return the taxels of contacts that became uncertain, and were not released.
@@ -652,10 +655,8 @@ class ForceEstimator:
         no untouched taxel shows the film's temperature, single taxels become uncertain, too.
         """
         usable = ~self.ignored
-        if np.count_nonzero(usable & ~self._touched) >= UniformChange.FEWEST:
-            was = self._listed & ~self._surroundings.dilated(listed)
-        else:
-            was = self._touched
+        beside = self._surroundings.dilated(listed)
+        was = self._touched if self._is_whole(self._touched) else self._listed & ~beside
         return usable & was & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
 
     def _observe_rest(self, block: Block) -> None:

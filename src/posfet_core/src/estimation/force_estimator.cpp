@@ -178,6 +178,15 @@ std::size_t ForceEstimator::usable() const {
   return taxels() - static_cast<std::size_t>(std::count(ignored().data(), ignored().data() + taxels(), true));
 }
 
+/// Whether all offsets are known of the taxels that are not faulty.
+bool ForceEstimator::knows_offsets() const {
+  bool known = true;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    known = known && (offset_known()[taxel] || ignored()[taxel]);
+  }
+  return known;
+}
+
 void ForceEstimator::block_mean(double* out) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     out[taxel] = state().sum[taxel] / integration_->block().scans;

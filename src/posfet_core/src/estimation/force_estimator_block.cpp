@@ -144,10 +144,11 @@ double ForceEstimator::clipped_noise(std::size_t taxel) {
 
 /// Find the process noise of a block: what the filter does not expect of the taxels, and of their temperature.
 void ForceEstimator::measure_process_noise(Block& block) {
+  const bool touches = block.touched.any();
   std::vector<double>& pressing = values_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     pressing[taxel] = block.touched[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
-    deviation_[taxel] = block.touched.any() ? std::sqrt(whole_variance(taxel)) : 0.0;
+    deviation_[taxel] = touches ? std::sqrt(whole_variance(taxel)) : 0.0;
   }
   const double total = sum(pressing);
   const double before = sum(touch_force_);
@@ -156,7 +157,7 @@ void ForceEstimator::measure_process_noise(Block& block) {
   std::fill(block.own_noise.begin(), block.own_noise.end(), 0.0);
   add_signal_noise(block);
   add_warmth_noise(block);
-  if (block.touched.any() || touch_.responding() || touched_.any()) {
+  if (touches || touch_.responding() || touched_.any()) {
     add_touch_noise(block, pressing);
   }
   touch_force_ = pressing;

@@ -54,8 +54,6 @@ void ForceEstimator::finish(const Block& block) {
     s.correction[taxel] = predicted[taxel] + touch_.loops()[taxel] + 0.5 * block.duration * s.rate[taxel];
     s.force[taxel] = s.raw[taxel] - s.correction[taxel];
     mean_[taxel] = block.mean[taxel] - predicted[taxel];
-  }
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (listed_[taxel] || !offset_known()[taxel]) {
       absorbed_.touch(taxel);
     }

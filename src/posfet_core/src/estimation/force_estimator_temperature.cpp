@@ -103,11 +103,7 @@ double ForceEstimator::unnoticed_change() {
 /// press where the rate changes; no contact has just been released, whose warmth is in all zeros; and all offsets are
 /// known.
 bool ForceEstimator::may_tell() const {
-  bool known = priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    known = known && (offset_known()[taxel] || ignored()[taxel]);
-  }
-  return known;
+  return priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing && knows_offsets();
 }
 
 /// Let the witnesses follow a block. Where a reading is not what the sensors alone let expect, the temperature does
@@ -169,10 +165,8 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
     return;  // a touch has begun, and what follows is its own
   }
   bool noticed = false;
-  bool rests_known = true;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     noticed = noticed || (!listed && odd_[taxel] && zeros_[taxel]);
-    rests_known = rests_known && (offset_known()[taxel] || ignored()[taxel]);
   }
   // While a contact grows, the rest of a wide object rises like a warmer film.
   const TaxelFlags& telling = listed ? zeros_ : judged_;
@@ -181,7 +175,7 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
   if (kelvin == 0.0) {
     return;
   }
-  if (kelvin * mean_per_kelvin() > 0.0 && !listed && rests_known) {
+  if (kelvin * mean_per_kelvin() > 0.0 && !listed && knows_offsets()) {
     open_hypothesis();
   }
   const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, block.duration);

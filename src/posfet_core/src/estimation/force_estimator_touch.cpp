@@ -65,13 +65,14 @@ void ForceEstimator::touch_all(Block& block) const {
 /// Force of a touched taxel from which on it has not left, however still it is [N]: what presses all taxels slowly is
 /// still. Infinite where nothing does.
 double ForceEstimator::pressed_force() const {
+  if (!refutation_.significant() || !is_whole(touched_) || usable() == 0) {
+    return std::numeric_limits<double>::infinity();
+  }
   double total = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
   }
-  return refutation_.significant() && is_whole(touched_) && usable() > 0
-             ? ZeroRefutation::kPressed * total / static_cast<double>(usable())
-             : std::numeric_limits<double>::infinity();
+  return ZeroRefutation::kPressed * total / static_cast<double>(usable());
 }
 
 /// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a

@@ -205,6 +205,7 @@ private:
   double tail_spread() const;
   double film_rate() const;
   std::size_t usable() const;
+  bool knows_offsets() const;
   bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
 
   // From one block to the next (force_estimator.cpp).

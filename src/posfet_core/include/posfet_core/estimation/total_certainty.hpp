@@ -22,7 +22,7 @@ public:
   /// Contact threshold [N].
   explicit TotalCertainty(double threshold) : threshold_(threshold) {}
 
-  /// Begin anew.
+  /// Forget the forces of the last blocks.
   void start() { recent_.fill(0.0); }
 
   /// Take the total force of a block [N].
