@@ -108,6 +108,8 @@ class Effects:
     """Temperature rise of the film under what touches [K]."""
     warmth_force: float = 0.03
     """Force on a taxel at which 63 % of its warmth are reached [N]: thermal contact saturates, assumed."""
+    warmth_step: float = 0.0
+    """Force on a taxel from which on it has all of its warmth [N]; 0: it saturates, with `warmth_force`."""
     warmth_on_stand: bool = True
     """Whether the ball of the calibration stand warms the film as the objects do."""
     drift: float = 0.0
@@ -349,8 +351,9 @@ class Board:
         per_kelvin = device.pyroelectric_coefficient * self.sensor.layout.taxel_area / -device.piezoelectric_coefficient
         film = low_pass(chip[:, None], np.array([device.thermal_time_constant]), step)
         if self.effects.warmth and (self.effects.warmth_on_stand or not on_stand):
-            touched = self.effects.warmth * -np.expm1(-force / self.effects.warmth_force)
-            film = film + low_pass(touched, np.full(force.shape[1], WARMTH_TIME), step)
+            step_at, saturating = self.effects.warmth_step, -np.expm1(-force / self.effects.warmth_force)
+            contact = np.where(force >= step_at, 1.0, 0.0) if step_at else saturating
+            film = film + low_pass(self.effects.warmth * contact, np.full(force.shape[1], WARMTH_TIME), step)
         return per_kelvin * self._pyroelectric * film
 
     def _circuit(self, charge: Array, chip: Array, step: float) -> Array:

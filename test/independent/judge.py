@@ -116,6 +116,8 @@ def rows() -> dict[str, Row]:
         "warmth_100mK": row(Effects(warmth=0.1), Limits(10.0)),
         "warmth_100mK_soft": row(Effects(warmth=0.1, warmth_force=5e-3), Limits(10.0)),
         "warmth_100mK_stiff": row(Effects(warmth=0.1, warmth_force=0.15), Limits(10.0)),
+        "warmth_30mK_step": row(Effects(warmth=0.03, warmth_step=5e-3), Limits(2.0), "mixed", "sliding"),
+        "warmth_100mK_step": row(Effects(warmth=0.1, warmth_step=10e-3), Limits(10.0)),
         "warmth_300mK": row(Effects(warmth=0.3), Limits(None)),
         "warm_object_30mK": row(Effects(warmth=0.03, warmth_on_stand=False), Limits(2.0)),
         "warm_object_100mK": row(Effects(warmth=0.1, warmth_on_stand=False), Limits(10.0)),
@@ -137,6 +139,7 @@ def rows() -> dict[str, Row]:
         "moderate": Row(MODERATE, many),
         "moderate_soft": Row(replace(MODERATE, warmth_force=5e-3), many),
         "moderate_stiff": Row(replace(MODERATE, warmth_force=0.15), many),
+        "moderate_step": Row(replace(MODERATE, warmth_step=5e-3), many),
         "moderate_under_way": Row(replace(MODERATE, drift_under_way=True), many),
         "hard": Row(HARD, {name: Limits(None) for name in many}),
     }

@@ -363,10 +363,11 @@ def test_objects_that_are_far_hotter_than_on_the_stand_are_not_valid(number: int
         "warmth_100mK",
         pytest.param("warmth_100mK_soft", marks=pytest.mark.xfail(strict=True, reason="11 % too low, and not valid")),
         "warmth_100mK_stiff",
+        "warmth_100mK_step",
     ],
 )
 def test_a_film_that_hides_more_than_a_weak_force_loses_no_edge_of_a_contact(row: str) -> None:
-    # The edges of a hold read zero, one after the other: 18, 28 and 4 % wrong.
+    # The edges of a hold read zero, one after the other: 18, 28 and 4 % wrong; where a force of 10 mN warms all, 26 %.
     board, calibration = calibrated(row, 2, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()["mixed"])
     assert verdict.error <= 10.0, verdict
@@ -375,7 +376,7 @@ def test_a_film_that_hides_more_than_a_weak_force_loses_no_edge_of_a_contact(row
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("row", ["moderate_soft", "moderate_stiff"])
+@pytest.mark.parametrize("row", ["moderate_soft", "moderate_stiff", "moderate_step"])
 def test_an_object_that_warms_weakly_touched_taxels_more_or_less_is_measured_as_well(row: str) -> None:
     for scene in ("mixed", "sliding"):
         check(row, scene)

@@ -53,6 +53,8 @@ class Film:
     """Its time constant [s]."""
     warmth_force: float = 0.02
     """Force that causes half of it [N]."""
+    warmth_power: float = 1.0
+    """Power of the force with which it rises, as F^n/(F^n + half^n) [1]: a large one is a step."""
     sensor_lag: float = 0.0
     """Lag of the temperature sensors behind the chip [s]."""
     nonlinearity: float = 0.0
@@ -166,7 +168,9 @@ def record(
     per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     temperature = lag(time, chip, sensor.device.thermal_time_constant)[:, None] - chip[0]
     if film.warmth:
-        temperature = temperature + lag(time, film.warmth * force / (force + film.warmth_force), film.warmth_time)
+        pressed = force**film.warmth_power
+        touched = pressed / (pressed + film.warmth_force**film.warmth_power)
+        temperature = temperature + lag(time, film.warmth * touched, film.warmth_time)
     places = sensor.layout.positions - sensor.layout.positions.mean(axis=0)
     places = places / np.abs(places).max(axis=0)
     bent = film.bending * force.sum(axis=1, keepdims=True) + film.bending_moment * (force @ places) @ places.T

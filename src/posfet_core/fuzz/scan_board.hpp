@@ -70,6 +70,7 @@ inline ErrorPriors priors() {
   given.warmth_least = 3e-3;
   given.warmth_spread = 0.25;
   given.warmth_force = 0.05;
+  given.warmth_steepness = 1.0;
   given.warmth_force_spread = 10.0;
   given.warmth_certain = 1.0;
   given.warmth_contact = 0.58;

@@ -27,6 +27,7 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation import force_estimator as plain
 from reference.estimation.error_states import start_covariance, start_mean
+from reference.estimation.thermal_contact import LEFT_BLOCKS
 from support.example_counts import each_of, examples
 
 Array = NDArray[np.float64]
@@ -162,6 +163,10 @@ def calibration(story: Story) -> Calibration | None:
         gain=vary(nominal.gain, 0.03),
         leak_time_constant=vary(nominal.leak_time_constant, 0.05),
         pyroelectric_gain=vary(nominal.pyroelectric_gain, 0.05),
+        warmth=story.warmth,
+        warmth_deviation=0.25 * story.warmth + 3e-3,
+        warmth_force=0.03,
+        warmth_steepness=random.choice([1.0, 4.0]),
         hysteresis_half_widths=np.array([0.02, 0.1, 0.4]),
         hysteresis_weights=np.array([-0.03, -0.04, -0.02]),
         hysteresis_slope=-0.04,
@@ -274,6 +279,8 @@ class Both:
         self.seen["jumps observed"] += bool(np.any(python._jumps.least_offset_variance()))
         self.seen["rising"] += bool(python._unexplained.rising.any())
         self.seen["hot film"] += python._hot
+        self.seen["warmed"] += bool(python._thermal_contact.warmed.any())
+        self.seen["left"] += int(python._thermal_contact._cooled_for.max()) >= LEFT_BLOCKS
         self.seen["touched"] += bool(python._touched.any())
         self.seen["valid"] += python.valid
         self.seen["invalid"] += not python.valid
@@ -340,6 +347,7 @@ STORIES = {
     "touches": (Story(5, 5, 1, force=2.0), ("touched", "valid", "processed again", "small forces")),
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
     "objects that are hot": (Story(5, 5, 6, warmth=0.5), ("hot film", "invalid")),
+    "objects whose warmth hides forces": (Story(5, 5, 1, calibrated=True, force=0.5, warmth=0.1), ("warmed", "left")),
     "a film that warms": (Story(5, 5, 14, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
         Story(5, 5, 3, trouble=0.1, kinds=(WARMING,), sensed=False),

@@ -220,8 +220,9 @@ def test_a_calibration_makes_no_prior_less_certain() -> None:
 
 def test_the_saturation_of_a_warmth_that_a_calibration_found_is_expected() -> None:
     priors = ErrorPriors()
-    known = priors.with_calibration(calibration(warmth=0.02, warmth_deviation=0.004, warmth_force=0.012))
-    assert known.warmth_force == 0.012
+    observed = calibration(warmth=0.02, warmth_deviation=0.004, warmth_force=0.012, warmth_steepness=4.0)
+    known = priors.with_calibration(observed)
+    assert (known.warmth_force, known.warmth_steepness) == (0.012, 4.0)
     assert known.warmth_certain == 1.0
     assert 1.0 < known.warmth_force_spread < priors.warmth_force_spread
 

@@ -22,6 +22,7 @@ from posfet_model.calibration.leaky_response import play_distance
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.grid import compiled_layout
+from reference.estimation.touch_response import TouchResponse as Reference
 
 Array = NDArray[np.float64]
 BLOCK = 0.02
@@ -136,6 +137,27 @@ def test_warmth_follows_the_force_and_saturates_with_it() -> None:
     np.testing.assert_allclose(each.matrix()[:, Shared.WEAK_WARMTH], weakly, rtol=0, atol=1e-8)
     assert each.warm[1] > each.warm[2] - 1e-3 > each.warm[5] > 0.0
     assert (each.warm <= 1.0).all()
+
+
+def test_a_steep_thermal_contact_is_whole_from_its_force_on() -> None:
+    steep = replace(PRIORS, warmth_steepness=8.0)
+    compiled = TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, steep)
+    reference = Reference(LAYOUT, TAU, PER_KELVIN, steep)
+    force = WARMTH_FORCE * np.resize([0.0, 0.5, 1.0, 2.0], TAXELS)
+    means = blocks(20 * WARMTH_TIME, lambda _: force)
+    for each in (compiled, reference):
+        for mean in means:
+            each.advance(mean, mean, mean, BLOCK)
+        np.testing.assert_allclose(each.warm, np.resize([0.0, 0.0, 1.0 - math.exp(-1.0), 1.0], TAXELS), atol=4e-3)
+    # Where it hides as much as that, a force that may be wrong by it is no measure of the contact.
+    for each in (compiled, reference):
+        each.reset()
+        for mean in means:
+            each.advance(mean, np.zeros(TAXELS), mean, BLOCK, 0.0, 10.0 * WARMTH_FORCE)
+    hidden = 10.0 * WARMTH_FORCE * -PER_KELVIN
+    np.testing.assert_allclose(compiled.warm, -np.expm1(-force / hidden), rtol=2.0 * math.exp(-20.0))
+    np.testing.assert_allclose(compiled.warm, reference.warm, rtol=1e-12)
+    np.testing.assert_allclose(compiled.range, reference.range, rtol=1e-12)
 
 
 def test_a_strong_force_that_seems_to_fall_hardly_changes_its_warmth() -> None:

@@ -44,6 +44,7 @@ from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
 from reference.estimation.temperature_walk import LEAST_TIME, MEMORY, TemperatureWalk
+from reference.estimation.thermal_contact import ThermalContact
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
 from reference.estimation.witnesses import SPACING, Witnesses
@@ -316,6 +317,7 @@ class ForceEstimator:
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, float(self._tau.max()))
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, NEGATIVE_TIME, LOST_FORCE_TIME)
         self._surroundings, self._held_forces = ContactSurroundings(sensor.layout), HeldForces(sensor.layout)
+        self._thermal_contact = ThermalContact(taxels, p.warmth_time, self._threshold)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film: Thermometers = self._integration.thermometers
@@ -508,6 +510,7 @@ class ForceEstimator:
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
         self._hot, self._shown_hot, self._touched_for = False, False, 0.0
+        self._thermal_contact.reset()
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
         shown = belief.error[:, 0] + response @ belief.shared + self._touch.loops
@@ -582,7 +585,12 @@ class ForceEstimator:
         noise = math.sqrt(float(block.noise.max()))
         rise = block.mean - self._blocks[-1 - STILL_BLOCKS].mean if len(self._blocks) > STILL_BLOCKS else self._nothing
         released = self._release.update(contacts, self._mean, course, rise, self._touched, variance, noise)
+        left = self._thermal_contact.find_left(contacts)
+        if released is None and any_true(left):
+            released = np.zeros_like(left)
         if released is not None:
+            left &= ~released
+            released |= left
             # Beside a noisy taxel that still shows a force, nothing was released.
             least = np.maximum(self._threshold, GATE * np.sqrt(variance))
             shown = self.ignored & self.informative & (self._mean > least)
@@ -591,7 +599,7 @@ class ForceEstimator:
             self.belief.own[:, 0, 0] += np.where(released, self._absorbed() ** 2, 0.0)
             self._touch.reduce_warmth(released, self._mean, float(self.belief.shared[Shared.WARMTH]))
             block.response[:] = self._touch.matrix()
-            self._set_zero(released, block)
+            self._set_zero(released & ~left, released & left, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
         self._touched = block.touched
@@ -901,8 +909,22 @@ class ForceEstimator:
             self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
             if any_true(listed):
                 least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
+            self._follow_thermal_contact()
+            if any_true(listed):
+                warmed = around & self._thermal_contact.warmed
+                least, most = np.where(warmed, math.inf, least), np.where(warmed, math.inf, most)
         slower = max(1.0 + float(shared[Shared.LEAK]), LEAST_LEAK) / self._integration.leak - 1.0
         self._touch.advance(force, least, most, self._elapsed, slower, float(shared[Shared.WARMTH]))
+
+    def _follow_thermal_contact(self) -> None:
+        """Follow what the taxels read but for their warmth, where that may be all of a force."""
+        warmth, weak = self.belief.shared[[Shared.WARMTH, Shared.WEAK_WARMTH]].tolist()
+        if -self._mean_per_kelvin * warmth <= max(self._priors.warmth_force, self._threshold):
+            self._thermal_contact.reset()
+            return
+        warmed = warmth * self._touch.warm + weak * self._touch.range
+        reading = np.where(self.ignored, 0.0, self._mean + self._per_kelvin * warmed)
+        self._thermal_contact.update(reading, self._elapsed)
 
     def _tail_spread(self) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
@@ -1287,10 +1309,11 @@ class ForceEstimator:
             self._hot = self._shown_hot
         self._shown_hot, self._touched_for = False, 0.0
 
-    def _set_zero(self, where: Mask, block: Block) -> None:
-        """Update by the zero forces of released taxels."""
+    def _set_zero(self, where: Mask, alone: Mask, block: Block) -> None:
+        """Update by the zero forces of released taxels, of which some tell nothing of what taxels share."""
         noise = block.noise + CORRELATED * LEAST_TAIL**2
         residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
+        self._filter.update_alone(alone, residual, sensitivity, noise)
         self._filter.update(where, residual, sensitivity, noise)
 
     def _end_unknown_touch(self, block: Block) -> None:
@@ -1529,6 +1552,7 @@ class ForceEstimator:
         self._recent_force.clear()
         self._unexplained.reset()
         self._release.restart()
+        self._thermal_contact.reset()
         self._started = True
         self._rest.start(signal)
         self._integration.watch_none()

@@ -20,6 +20,12 @@ from posfet_model.estimation.error_states import COUNT, CREEPS, LOOPS, ErrorPrio
 from posfet_model.sensor.description import Layout
 
 
+def without(force: Array, steepness: float | Array) -> Array:
+    """Return what thermal contacts lack to be whole [1], by the force relative to that at which they saturate."""
+    lacks: Array = np.exp(-(force**steepness))
+    return lacks
+
+
 class TouchResponse:
     """Responses of the force errors to the shared states.
 
@@ -46,6 +52,7 @@ class TouchResponse:
         self._tau = time_constant
         self._per_kelvin = newton_per_kelvin
         self._warmth_time, self._warmth_force = priors.warmth_time, priors.warmth_force
+        self._warmth_steepness = priors.warmth_steepness
         self._warmth_force_spread, self._warmth_certain = priors.warmth_force_spread, priors.warmth_certain
         self._creep_times = np.array(priors.creep_times)
         self._half_widths = np.array(priors.loop_half_widths)[:, None]
@@ -118,14 +125,16 @@ class TouchResponse:
         self._warmed += follows
         self.warming = float(self._chip_warming @ follows) / duration
         # The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
-        # warms hides at most as much of a force as there is. What a force is at least has all of it.
+        # warms hides at most as much of a force as there is; nor is it steep, then. What a force is at least has all.
         own = np.maximum(self._warmth_force, -self._per_kelvin * warmth)
-        certain = -self._warmth_certain * np.expm1(-least / self._warmth_force)
-        contact = np.maximum(-np.expm1(-force / own), certain)
+        whole, steep = self._warmth_force, self._warmth_steepness
+        steepness = np.maximum(steep * (whole / own) ** 2, min(steep, 1.0))
+        certain = self._warmth_certain * (1.0 - without(least / whole, steep))
+        contact = np.maximum(1.0 - without(force / own, steepness), certain)
         warming = -np.expm1(-duration / self._warmth_time)
         self._certain += warming * (certain - self._certain)
         self.warm += warming * (contact - self.warm)
-        between = np.exp(-least / own) - np.exp(-most * self._warmth_force_spread / self._warmth_force)
+        between = without(least / own, steepness) - without(most * self._warmth_force_spread / whole, steep)
         self.range += warming * (between - self.range)
 
     def reduce_warmth(self, where: Mask, left: Array, warmth: float) -> None:

@@ -120,6 +120,16 @@ def test_the_force_that_causes_most_of_that_rise_is_found(half: float) -> None:
     board = record(SENSOR, Film(warmth=0.03, warmth_force=half))
     found = fit(SENSOR, board.recording, DATE)
     assert found.warmth_force == pytest.approx(half * (math.e - 1.0), rel=0.4)
+    assert found.warmth_steepness == 1.0
+    assert abs(found.warmth - 0.03) < found.warmth_deviation
+
+
+@pytest.mark.parametrize("step", [0.006, pytest.param(0.03, marks=pytest.mark.slow)])
+def test_a_rise_that_is_whole_from_a_force_on_is_found_as_a_steep_one(step: float) -> None:
+    board = record(SENSOR, Film(warmth=0.03, warmth_force=step, warmth_power=20.0))
+    found = fit(SENSOR, board.recording, DATE)
+    assert found.warmth_steepness >= 4.0
+    assert found.warmth_force == pytest.approx(step, rel=0.25)
     assert abs(found.warmth - 0.03) < found.warmth_deviation
 
 
@@ -266,7 +276,7 @@ def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path)
         "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
         "temperature_reading_deviation",
-        "warmth_time_constant", "warmth_force", "bending", "bending_deviation",
+        "warmth_time_constant", "warmth_force", "warmth_steepness", "bending", "bending_deviation",
         "hysteresis_half_widths", "hysteresis_weights", "hysteresis_slope",
         "chip_warming_time_constants", "chip_warming",
         "thermal_time_constant", "temperature",

@@ -103,6 +103,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
       release_(taxels()),
       rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
       held_forces_(Grid(array_.layout)),
+      thermal_contact_(taxels(), priors_.warmth_time, array_.threshold),
       rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
       lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
@@ -129,7 +130,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
   state().rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask : {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &chosen_}) {
+  for (auto* mask :
+       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &left_, &chosen_}) {
     *mask = TaxelFlags(taxels());
   }
   start_block();
@@ -272,6 +274,7 @@ void ForceEstimator::forget_touch() {
   const std::vector<double> mean = priors_.mean();
   const SquareMatrix prior = priors_.covariance();
   hot_film_.forget();
+  thermal_contact_.reset();
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* response = response_.data() + taxel * kSharedStates;
@@ -337,6 +340,7 @@ void ForceEstimator::start(const double* charge) {
   certainty_.start();
   unexplained_.reset();
   release_.restart();
+  thermal_contact_.reset();
   integration_->block().started = true;
   rest_.start(values_.data());
   integration_->watch_none();

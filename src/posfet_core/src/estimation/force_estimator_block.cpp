@@ -31,6 +31,9 @@ constexpr double kLeastFelt = 0.1;
 /// Least time constant of the leakage that is believed, relative to that of the calibration at its temperature [1].
 constexpr double kLeastLeak = 0.5;
 
+/// Force of which only is known that it has all of the thermal contact [N].
+constexpr double kSaturating = std::numeric_limits<double>::infinity();
+
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
 
@@ -111,6 +114,12 @@ void ForceEstimator::measure_touch(Block& block) {
   }
   if (priors_.warmth_certain > 0.0) {
     add_held_forces(force, least, block.duration);
+    follow_thermal_contact(block.duration);
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      if (chosen_[taxel] && thermal_contact_.warmed(taxel)) {
+        least[taxel] = most[taxel] = kSaturating;
+      }
+    }
   }
   touch_.advance(force, least, most, block.duration, known_errors(*belief(), block));
   touch_.matrix(block.response);
@@ -132,6 +141,21 @@ void ForceEstimator::add_held_forces(const std::vector<double>& force, std::vect
       least[taxel] = std::max(least[taxel], held_forces_.held(taxel));
     }
   }
+}
+
+/// Follow what the taxels read but for their warmth, where that may be all of a force.
+void ForceEstimator::follow_thermal_contact(double duration) {
+  const std::vector<double>& shared = belief()->shared;
+  if (-mean_per_kelvin() * shared[kWarmth] <= std::max(priors_.warmth_force, array_.threshold)) {
+    thermal_contact_.reset();
+    return;
+  }
+  std::vector<double>& reading = residual_;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double warmed = shared[kWarmth] * touch_.warm()[taxel] + shared[kWeakWarmth] * touch_.range()[taxel];
+    reading[taxel] = ignored()[taxel] ? 0.0 : mean_[taxel] + array_.newton_per_kelvin[taxel] * warmed;
+  }
+  thermal_contact_.update(reading, duration);
 }
 
 /// Take the variance of what has leaked unseen while the signal of a taxel was clipped [N2]: that adds to what is wrong

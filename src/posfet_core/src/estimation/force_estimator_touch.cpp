@@ -150,7 +150,8 @@ void ForceEstimator::reset_released(const Block& block) {
   forget_blocks();  // to process them again would undo it
 }
 
-/// Set the forces of released contacts to zero.
+/// Set the forces of released contacts to zero. Those of which only is known that their film cools tell nothing of what
+/// taxels share: how warm each taxel has become may be wrong.
 void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts) {
   std::vector<double>& variance = values_;
   std::vector<double>& course = residual_;
@@ -167,9 +168,9 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
         known ? block.mean[taxel] - blocks_[blocks_.size() - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
   }
   const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
-  if (!release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(), variance.data(), noise,
-                       chosen_.data()) ||
-      !drop_shown(variance)) {
+  const bool released = release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(),
+                                        variance.data(), noise, chosen_.data());
+  if ((!find_left(contacts) && !released) || !drop_shown(variance)) {
     return;
   }
   find_absorbed();
@@ -183,7 +184,23 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   touch_.matrix(block.response);
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
                      deviation_.data());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    left_[taxel] = left_[taxel] && chosen_[taxel];
+    chosen_[taxel] = chosen_[taxel] && !left_[taxel];
+  }
+  filter_.update_alone(left_.data(), residual_.data(), sensitivity_.data(), noise_.data());
   filter_.update(chosen_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+}
+
+/// Add to the released taxels in `chosen_` those of contacts whose film cools, which are in `left_`; returns whether
+/// there are any.
+bool ForceEstimator::find_left(const Vector<const Taxels*>& contacts) {
+  const bool any = thermal_contact_.find_left(contacts, left_);
+  for (std::size_t taxel = 0; taxel < taxels() && any; ++taxel) {
+    left_[taxel] = left_[taxel] && !chosen_[taxel];
+    chosen_[taxel] = chosen_[taxel] || left_[taxel];
+  }
+  return any;
 }
 
 /// Drop, of the taxels in `chosen_` that look released, those beside a noisy taxel that still shows a force beyond its

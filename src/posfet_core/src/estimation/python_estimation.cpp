@@ -452,7 +452,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 32> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 33> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -476,6 +476,7 @@ ErrorPriors priors_from(const py::object& priors) {
       {"warmth_least", &ErrorPriors::warmth_least},
       {"warmth_spread", &ErrorPriors::warmth_spread},
       {"warmth_force", &ErrorPriors::warmth_force},
+      {"warmth_steepness", &ErrorPriors::warmth_steepness},
       {"warmth_force_spread", &ErrorPriors::warmth_force_spread},
       {"warmth_certain", &ErrorPriors::warmth_certain},
       {"warmth_contact", &ErrorPriors::warmth_contact},

@@ -31,6 +31,7 @@
 #include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
+#include "posfet_core/estimation/thermal_contact.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/unexplained_residuals.hpp"
 #include "posfet_core/estimation/uniform_change.hpp"
@@ -225,6 +226,42 @@ void bind_held_forces(const py::module_& module) {
           "Forces when those beside them came to rest [N]; 0: unknown, or they do not rest.");
   module.attr("HELD_PLAY") = kHeldPlay;
   module.attr("HELD_TIME") = kHeldTime;
+}
+
+void bind_thermal_contact(const py::module_& module) {
+  py::class_<ThermalContact> contact(module, "ThermalContact",
+                                     "What the readings of taxels show of the thermal contact, where warmth hides "
+                                     "forces.");
+  contact.def(py::init<std::size_t, double, double>(), py::arg("taxels"), py::arg("warmth_time"), py::arg("threshold"))
+      .def("reset", &ThermalContact::reset, "Forget all readings.")
+      .def(
+          "update",
+          [](ThermalContact& self, const Values& reading, double duration) {
+            require_all(self.taxels(), {reading});
+            self.update(vector_of(reading), duration);
+          },
+          py::arg("reading"), py::arg("duration"), "Process a block: what taxels read but for their warmth [N].")
+      .def_property_readonly(
+          "warmed",
+          [](const ThermalContact& self) {
+            TaxelFlags warmed(self.taxels());
+            for (std::size_t taxel = 0; taxel < self.taxels(); ++taxel) {
+              warmed[taxel] = self.warmed(taxel);
+            }
+            return array_of(warmed);
+          },
+          "Whether something warms each taxel, [taxels].")
+      .def(
+          "find_left",
+          [](ThermalContact& self, const py::sequence& contacts) {
+            const std::vector<Taxels> taxels = contacts_from(contacts, static_cast<Taxel>(self.taxels()));
+            TaxelFlags left(self.taxels());
+            self.find_left(pointers_to(taxels), left);
+            return array_of(left);
+          },
+          py::arg("contacts"), "Return the taxels of contacts that were left, [taxels]; once per block.");
+  contact.attr("BLOCKS") = ThermalContact::kBlocks;
+  contact.attr("LEFT_BLOCKS") = ThermalContact::kLeftBlocks;
 }
 
 void bind_noise(const py::module_& module) {
@@ -535,6 +572,7 @@ void bind_estimation_parts(py::module_& module) {
   bind_dynamics(module);
   bind_touch_response(module);
   bind_held_forces(module);
+  bind_thermal_contact(module);
   bind_noise(module);
   bind_validity(module);
   bind_residuals(module);

@@ -12,9 +12,17 @@
 #include <numeric>
 #include <utility>
 
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
 
 namespace posfet {
+
+namespace {
+
+/// What thermal contact lacks to be whole [1], by the force relative to that at which it saturates.
+double without(double force, double steepness) { return std::exp(-std::pow(force, steepness)); }
+
+}  // namespace
 
 TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_constant,
                              std::vector<double> newton_per_kelvin, const ErrorPriors& priors)
@@ -22,6 +30,7 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
       per_kelvin_(std::move(newton_per_kelvin)),
       warmth_time_(priors.warmth_time),
       warmth_force_(priors.warmth_force),
+      warmth_steepness_(priors.warmth_steepness),
       warmth_force_spread_(priors.warmth_force_spread),
       warmth_certain_(priors.warmth_certain),
       creep_times_(priors.creep_times),
@@ -83,13 +92,17 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
     force_[taxel] = force[taxel];
     // The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
-    // warms hides at most as much of a force as there is. What a force is at least has all of it.
+    // warms hides at most as much of a force as there is; nor is it steep, then: at a force that may be wrong by as
+    // much, steep contacts are any on average. What a force is at least has all of it.
     const double self = std::max(warmth_force_, -per_kelvin_[taxel] * known.warmth);
-    const double certain = -warmth_certain_ * std::expm1(-least[taxel] / warmth_force_);
-    const double contact = std::max(-std::expm1(-force[taxel] / self), certain);
+    const double steepness =
+        std::max(warmth_steepness_ * square(warmth_force_ / self), std::min(warmth_steepness_, 1.0));
+    const double certain = warmth_certain_ * (1.0 - without(least[taxel] / warmth_force_, warmth_steepness_));
+    const double contact = std::max(1.0 - without(force[taxel] / self, steepness), certain);
     certain_[taxel] += warming * (certain - certain_[taxel]);
     warm_[taxel] += warming * (contact - warm_[taxel]);
-    const double range = std::exp(-least[taxel] / self) - std::exp(-most[taxel] * warmth_force_spread_ / warmth_force_);
+    const double range = without(least[taxel] / self, steepness) -
+                         without(most[taxel] * warmth_force_spread_ / warmth_force_, warmth_steepness_);
     range_[taxel] += warming * (range - range_[taxel]);
   }
 }

@@ -26,6 +26,7 @@ from posfet_model.calibration.leaky_response import block_means, compensated, hi
 from posfet_model.calibration.response_fit import (
     WARMTH_FORCE_SPREAD,
     WARMTH_FORCES,
+    WARMTH_STEEPNESSES,
     WARMTH_TIME_CONSTANTS,
     WARMTH_TIME_SPREAD,
     ResponseFit,
@@ -108,6 +109,8 @@ class FitSteps:
         Time constant of the temperature rise of touched taxels [s].
     warmth_force : float
         Force at which they have 1 - 1/e of it [N].
+    warmth_steepness : float
+        Power of the force relative to that one with which it becomes whole [1].
     """
 
     def __init__(self, bench: BenchSignals, presses: ResponseFit, dead: Mask) -> None:
@@ -122,6 +125,7 @@ class FitSteps:
         self.newton_per_kelvin = bench.sensor.device.pyroelectric_coefficient / charge_per_newton(bench.sensor)
         self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
         self.warmth_force = NOMINAL_WARMTH_FORCE
+        self.warmth_steepness = 1.0
 
     @property
     def alive(self) -> list[int]:
@@ -267,17 +271,31 @@ class FitSteps:
             self.warmth_time, self.warmth_force = time, force
             return self.fit_all(before)
 
-        force = self._likeliest(
-            WARMTH_FORCES,
-            NOMINAL_WARMTH_FORCE,
-            WARMTH_FORCE_SPREAD,
-            lambda each: fit_with(NOMINAL_WARMTH_TIME_CONSTANT, each),
-        )
+        def likeliest_force(near: float) -> float:
+            return self._likeliest(
+                WARMTH_FORCES,
+                NOMINAL_WARMTH_FORCE,
+                WARMTH_FORCE_SPREAD,
+                lambda each: fit_with(NOMINAL_WARMTH_TIME_CONSTANT, each),
+                near,
+            )
+
+        force = likeliest_force(NOMINAL_WARMTH_FORCE)
+        best, steepness = fit_with(NOMINAL_WARMTH_TIME_CONSTANT, force), self.warmth_steepness
+        for steeper in WARMTH_STEEPNESSES:
+            self.warmth_steepness = steeper
+            found = fit_with(NOMINAL_WARMTH_TIME_CONSTANT, force)
+            if np.argmin(self._improbable([best, found])) == 0:
+                break
+            force, steepness = likeliest_force(force), steeper
+            best = fit_with(NOMINAL_WARMTH_TIME_CONSTANT, force)
+        self.warmth_steepness = steepness
         time = self._likeliest(
             WARMTH_TIME_CONSTANTS,
             NOMINAL_WARMTH_TIME_CONSTANT,
             WARMTH_TIME_SPREAD,
             lambda each: fit_with(each, force),
+            NOMINAL_WARMTH_TIME_CONSTANT,
         )
         self.warmth_time, self.warmth_force = time, force
 
@@ -378,7 +396,7 @@ class FitSteps:
             return None
         force = bench.force[:, taxel]
         columns = [low_pass(bench.time, force, pole) for pole in self.poles]
-        touched = -np.expm1(-np.maximum(force, 0.0) / self.warmth_force)
+        touched = -np.expm1(-((np.maximum(force, 0.0) / self.warmth_force) ** self.warmth_steepness))
         columns.append(self.newton_per_kelvin * share * low_pass(bench.time, touched, self.warmth_time))
         return np.stack(columns, axis=1)
 
@@ -394,24 +412,33 @@ class FitSteps:
         return changing
 
     def _likeliest(
-        self, values: Sequence[float], nominal: float, spread: float, fit_with: Callable[[float], ResponseFit]
+        self,
+        values: Sequence[float],
+        nominal: float,
+        spread: float,
+        fit_with: Callable[[float], ResponseFit],
+        near: float,
     ) -> float:
-        """Return the value with which a fit is the likeliest, downhill from the nominal one."""
+        """Return the value with which a fit is the likeliest, downhill from that near another one."""
         penalties = [(math.log(value / nominal) / spread) ** 2 for value in values]
         fits: dict[int, ResponseFit] = {}
-        middle, least = -1, int(np.argmin(penalties))
+        middle, least = -1, min(range(len(values)), key=lambda index: abs(math.log(values[index] / near)))
+        least = min(max(least, 1), len(values) - 2)
         while middle != least and 0 < least < len(values) - 1:
             middle = least
-            near = range(middle - 1, middle + 2)
-            for index in near:
+            around = range(middle - 1, middle + 2)
+            for index in around:
                 fits[index] = fits.get(index) or fit_with(values[index])
-            # What is left where all else fits is no noise on a real film: it says less than its number of blocks.
-            variances = min(
-                (fits[index].variances(self.bench.noise) for index in near), key=lambda each: sum(each.values())
-            )
-            unlikely = [fits[index].square_sum(variances) + penalties[index] for index in near]
-            least = near[int(np.argmin(unlikely))]
-        return least_of_parabola([values[index] for index in near], unlikely)
+            improbable = self._improbable([fits[index] for index in around])
+            unlikely = [each + penalties[index] for each, index in zip(improbable, around, strict=True)]
+            least = around[int(np.argmin(unlikely))]
+        return least_of_parabola([values[index] for index in around], unlikely)
+
+    def _improbable(self, fits: Sequence[ResponseFit]) -> list[float]:
+        """Return the sum of squares that each of some fits leaves, over what is left by the best of them."""
+        # What is left where all else fits is no noise on a real film: it says less than its number of blocks.
+        variances = min((each.variances(self.bench.noise) for each in fits), key=lambda each: sum(each.values()))
+        return [each.square_sum(variances) for each in fits]
 
 
 def relaxation_poles(leak_time_constant: float) -> tuple[float, ...]:

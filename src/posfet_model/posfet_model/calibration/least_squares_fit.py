@@ -205,6 +205,7 @@ def _calibration(
         warmth_deviation=warmth_deviation,
         warmth_time_constant=steps.warmth_time,
         warmth_force=steps.warmth_force,
+        warmth_steepness=steps.warmth_steepness,
         bending=bending.sizes,
         bending_deviation=bending.deviations,
         cover_spreads=spreads,

@@ -48,6 +48,10 @@ WARMTH_FORCES: Final = (0.0035, 0.0053, 0.008, 0.012, 0.018, 0.027, 0.04, 0.06, 
 WARMTH_FORCE_SPREAD: Final = 1.0
 """Standard deviation of the logarithm of that force about the nominal one [1], assumed."""
 
+WARMTH_STEEPNESSES: Final = (2.0, 4.0, 8.0)
+"""How abruptly the temperature rise may become whole with the force, in place of 1 [1]: tried in this order, as long as
+each fits better than the one before."""
+
 ITERATIONS: Final = 4
 """Iterations of the fit; the first finds gain and offset with the given leakage."""
 

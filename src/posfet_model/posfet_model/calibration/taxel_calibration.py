@@ -140,7 +140,9 @@ class Calibration:
     warmth_time_constant: float = NOMINAL_WARMTH_TIME_CONSTANT
     """Time constant with which the film warms and cools [s]."""
     warmth_force: float = NOMINAL_WARMTH_FORCE
-    """Force on a taxel that causes 1 - 1/e of it [N]: the thermal contact saturates."""
+    """Force F_w on a taxel that causes 1 - 1/e of it [N]: the thermal contact of a force F is 1 - exp(-(F/F_w)^p)."""
+    warmth_steepness: float = 1.0
+    """Steepness p of that [1]: 1 saturates gradually, a large one is a contact that is whole from F_w on."""
     bending: Array = field(default_factory=_none)
     """Charge that bending of the chip makes on every taxel, as a force per total force; the same that its gradients in
     x and y make at the edges of the array; and, per moment of the forces about the middle relative to half a side, as

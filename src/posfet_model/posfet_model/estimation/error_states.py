@@ -156,7 +156,9 @@ class ErrorPriors:
     warmth_spread: float = 0.25
     """as a share of the common warmth [1]."""
     warmth_force: float = NOMINAL_WARMTH_FORCE
-    """Force of a taxel at which it has 1 - 1/e of that warmth [N], assumed: the thermal contact saturates."""
+    """Force of a taxel at which it has 1 - 1/e of that warmth [N], assumed: the thermal contact saturates, and"""
+    warmth_steepness: float = 1.0
+    """how abruptly [1], assumed: with what power of the force relative to that one."""
     warmth_force_spread: float = 10.0
     """Factor by which that force may be less [1], assumed: a soft object may touch a taxel wholly at once."""
     warmth_force_spread_calibrated: float = 2.0
@@ -225,6 +227,7 @@ class ErrorPriors:
             found |= {"warmth_time": calibration.warmth_time_constant, "warmth_contact": self.warmth_contact_calibrated}
             if abs(calibration.warmth) > calibration.warmth_deviation:  # what saturates is more than nothing
                 found |= {"warmth_force": calibration.warmth_force, "warmth_certain": 1.0}
+                found |= {"warmth_steepness": calibration.warmth_steepness}
                 found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
         if len(calibration.chip_warming):
             sizes, times = calibration.chip_warming.tolist(), calibration.chip_warming_time_constants.tolist()

@@ -51,6 +51,7 @@ struct ErrorPriors {
   double warmth_least;
   double warmth_spread;
   double warmth_force;
+  double warmth_steepness;
   double warmth_force_spread;
   double warmth_certain;
   double warmth_contact;

@@ -40,6 +40,7 @@
 #include "posfet_core/estimation/sensor_readings.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
 #include "posfet_core/estimation/steady_window.hpp"
+#include "posfet_core/estimation/thermal_contact.hpp"
 #include "posfet_core/estimation/total_certainty.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/estimation/unexplained_residuals.hpp"
@@ -223,6 +224,7 @@ private:
   static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
   void measure_touch(Block& block);
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
+  void follow_thermal_contact(double duration);
   void measure_process_noise(Block& block);
   double clipped_noise(std::size_t taxel);
   void add_signal_noise(Block& block);
@@ -270,6 +272,7 @@ private:
   void find_hot_film();
   void reset_released(const Block& block);
   void release(Block& block, const Vector<const Taxels*>& contacts);
+  bool find_left(const Vector<const Taxels*>& contacts);
   bool drop_shown(const std::vector<double>& variance);
   void end_unknown_touch(const Block& block);
 
@@ -298,6 +301,7 @@ private:
   RestNoise rest_noise_;
   SteadyForce steady_force_;
   HeldForces held_forces_;
+  ThermalContact thermal_contact_;
   ObjectHeating heating_;
   ZeroRefutation refutation_;
   RestDetector rest_;
@@ -349,6 +353,7 @@ private:
   TaxelFlags judged_;                  ///< Taxels whose residual counts.
   TaxelFlags zeros_;                   ///< Taxels whose force is known.
   TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
+  TaxelFlags left_;                    ///< Taxels of contacts whose film cools.
   TaxelFlags chosen_;                  ///< Any others.
   std::vector<double> measured_;       ///< [N].
   std::vector<double> response_;       ///< [taxels, states].

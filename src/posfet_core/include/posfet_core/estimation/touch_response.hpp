@@ -74,6 +74,7 @@ private:
   std::vector<double> per_kelvin_;
   double warmth_time_;
   double warmth_force_;
+  double warmth_steepness_;
   double warmth_force_spread_;
   double warmth_certain_;
   std::array<double, kCreeps> creep_times_;

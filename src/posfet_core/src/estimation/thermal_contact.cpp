@@ -1,0 +1,71 @@
+// Copyright 2026 posfet maintainers
+// Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+// the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+// applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+// governing permissions and limitations under the License.
+
+#include "posfet_core/estimation/thermal_contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace posfet {
+
+ThermalContact::ThermalContact(std::size_t taxels, double warmth_time, double threshold)
+    : warmth_time_(warmth_time),
+      threshold_(threshold),
+      readings_(kBlocks + 1, std::vector<double>(taxels, 0.0)),
+      tends_(taxels, 0.0),
+      cooled_for_(taxels, 0) {}
+
+void ThermalContact::reset() {
+  seen_ = 0;
+  std::fill(cooled_for_.begin(), cooled_for_.end(), 0);
+}
+
+void ThermalContact::update(const std::vector<double>& reading, double duration) {
+  readings_[seen_ % readings_.size()] = reading;
+  ++seen_;
+  const std::vector<double>& oldest = readings_[seen_ % readings_.size()];
+  const double left = std::exp(-static_cast<double>(kBlocks) * duration / warmth_time_);
+  for (std::size_t taxel = 0; taxel < tends_.size(); ++taxel) {
+    tends_[taxel] = (reading[taxel] - left * oldest[taxel]) / (1.0 - left);
+  }
+}
+
+bool ThermalContact::warmed(std::size_t taxel) const {
+  return known() && tends_[taxel] < kWarmed * newest()[taxel] &&
+         std::all_of(readings_.begin(), readings_.end(), [&](const auto& each) { return each[taxel] < -threshold_; });
+}
+
+bool ThermalContact::find_left(const Vector<const Taxels*>& contacts, TaxelFlags& left) {
+  left.fill(false);
+  for (const Taxels* contact : contacts) {
+    const bool looks = known() && cools(*contact);
+    for (const Taxel taxel : *contact) {
+      left[static_cast<std::size_t>(taxel)] = looks;
+    }
+  }
+  bool any = false;
+  for (std::size_t taxel = 0; taxel < cooled_for_.size(); ++taxel) {
+    cooled_for_[taxel] = left[taxel] ? cooled_for_[taxel] + 1 : 0;
+    left[taxel] = cooled_for_[taxel] >= kLeftBlocks;
+    any = any || left[taxel];
+  }
+  return any;
+}
+
+/// Whether a contact reads less than none, and all of it tends to none.
+bool ThermalContact::cools(const Taxels& contact) const {
+  double lowest = 0.0;
+  double farthest = 0.0;
+  for (const Taxel each : contact) {
+    const auto taxel = static_cast<std::size_t>(each);
+    lowest = std::min(lowest, newest()[taxel]);
+    farthest = std::max(farthest, std::abs(tends_[taxel]));
+  }
+  return lowest < -threshold_ && farthest < -kLeft * lowest;
+}
+
+}  // namespace posfet
