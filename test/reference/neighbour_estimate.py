@@ -73,12 +73,15 @@ class NeighbourInterpolation:
             informative = np.isfinite(logarithm)
             weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
             weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
-            estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
+            total = np.add.reduce(weight, axis=1)
+            estimate: Array = np.exp(weighted / total)
+            squares = np.add.reduce(weight * np.where(informative, logarithm, 0.0) ** 2, axis=1)
+            disagreement = np.maximum(squares / total - (weighted / total) ** 2, 0.0)
             errors = (weight / horizontal) ** 2 + (weight / vertical) ** 2 + (weight / diagonal) ** 2
             variance = np.add.reduce(np.where(informative, errors, 0.0), axis=1)
-            variance *= (floor / np.add.reduce(weight, axis=1)) ** 2
+            variance *= (floor / total) ** 2
             most = np.fmax.reduce(np.fmax(most_x * horizontal, most_y * vertical), axis=1)
-        relative = np.sqrt(INTERPOLATION_UNCERTAINTY**2 + variance)
+        relative = np.sqrt(INTERPOLATION_UNCERTAINTY**2 + disagreement + variance)
         limited = estimate > most
         estimate[limited], relative[limited] = most[limited], 1.0
         largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known

@@ -94,6 +94,7 @@ double twist_around(const Grid& grid, const double* force, const bool* unknown, 
 NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
                                           const InterpolationLimits& limits) {
   double weighted = 0.0;
+  double weighted_square = 0.0;
   double total = 0.0;
   double variance = 0.0;
   double largest = kUnknown;
@@ -103,6 +104,7 @@ NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force,
     const double logarithm = std::log(each.prediction()) + each.turn * twist;
     if (std::isfinite(logarithm)) {
       weighted += each.smallest() * logarithm;
+      weighted_square += each.smallest() * square(logarithm);
       total += each.smallest();
       variance += each.weighted_variance();
     }
@@ -112,11 +114,13 @@ NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force,
   if (largest <= limits.floor) {
     return {0.0, 0.0};
   }
-  const double found = std::exp(weighted / total);
+  const double mean = weighted / total;
+  const double found = std::exp(mean);
   if (found > most) {
     return {most, most};
   }
-  const double relative = square(kInterpolationUncertainty) + variance * square(limits.floor / total);
+  const double disagreement = std::max(weighted_square / total - square(mean), 0.0);
+  const double relative = square(kInterpolationUncertainty) + disagreement + variance * square(limits.floor / total);
   return {found, found * std::sqrt(relative)};
 }
 

@@ -101,3 +101,21 @@ def test_an_extrapolation_is_about_as_uncertain_as_it_is_large() -> None:
         errors += ((found - force)[counts] / deviation[counts]).tolist()
     assert len(errors) > 50
     assert np.mean(np.abs(errors) < 2.0) >= 0.8  # of 20 % of the force: 0.3
+
+
+def test_under_a_ring_squares_disagree_and_say_so() -> None:
+    # With the uncertainty under a fingertip alone, 23 % of these errors are within two deviations.
+    random, surroundings, none = np.random.default_rng(6), NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
+    cells, pitch, spread = np.arange(25), LAYOUT.pitch_x, SENSOR.device.contact_spread
+    errors: list[float] = []
+    for _ in range(40):
+        x, y = random.uniform(-0.5e-3, 0.5e-3, 2)
+        force = np.zeros(25)
+        for angle in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
+            at = x + 2.5e-3 * math.cos(angle), y + 2.5e-3 * math.sin(angle)
+            force += sphere_forces(*at, 1.5 / 24, 1.5e-3, 2e6, spread, pitch, 5)
+        found, deviation = surroundings.interpolate(force, none, cells, 1.7e-3, *most_over_neighbours(SENSOR))
+        counts = force > 0.02 * force.sum()
+        errors += ((found - force)[counts] / deviation[counts]).tolist()
+    assert len(errors) > 400
+    assert np.mean(np.abs(errors) < 2.0) >= 0.75

@@ -44,9 +44,9 @@ struct NeighbourEstimate {
 /// known neighbour in its row or column allows under a point load on the taxel. 0 where no known neighbour exceeds the
 /// floor. NaN where every square of the taxel contains an unknown one or leaves the array.
 ///
-/// Its variance is that of the interpolation, and what an error by the floor in each neighbour makes of it: in a corner
-/// whose square ends in an untouched taxel it is more uncertain than it is large. Where it is limited, its uncertainty
-/// is the force itself.
+/// Its variance is that of the interpolation, that of what its squares predict, which agree under a fingertip and not
+/// under a ring, and what an error by the floor in each neighbour makes of it: in a corner whose square ends in an
+/// untouched taxel it is more uncertain than it is large. Where it is limited, its uncertainty is the force itself.
 NeighbourEstimate neighbour_interpolation(const Grid& grid, const double* force, const bool* unknown, Taxel taxel,
                                           const InterpolationLimits& limits);
 

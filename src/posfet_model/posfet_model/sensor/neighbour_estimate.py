@@ -57,8 +57,9 @@ class NeighbourInterpolation(scan_path.NeighbourInterpolation):
     `interpolate` returns the forces [N] of wanted taxels as their neighbours predict them, and their standard
     uncertainties [N]: smaller forces than `floor` count as this one, and no force is more than `most_x` times its known
     neighbours in the row and `most_y` times those in the column, of which the greatest counts; 0 where no known
-    neighbour exceeds `floor`, NaN where every square of a taxel contains an `unknown` one or leaves the array. An error
-    by `floor` in each neighbour is in the uncertainty, which is the force itself where that is limited.
+    neighbour exceeds `floor`, NaN where every square of a taxel contains an `unknown` one or leaves the array. What
+    the squares predict differently and an error by `floor` in each neighbour are in the uncertainty, which is the force
+    itself where that is limited.
 
     `lower_bound` returns the smallest force [N] that any square of a taxel predicts; a square is informative when its
     other three taxels are known and at least `floor`, and all squares that lie on the array have to be, so that a taxel
