@@ -30,7 +30,7 @@ ReleaseDetector::ReleaseDetector(std::size_t taxels)
       object_(taxels, 0.0),
       means_(kStillBlocks + 1, std::vector<double>(taxels, 0.0)),
       touched_for_(taxels, 0),
-      blocks_(taxels, 0) {}
+      looks_released_for_(taxels, kReleasedBlocks) {}
 
 bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const double* course,
                              const double* rise, const bool* touched, const double* variance, double noise,
@@ -46,20 +46,8 @@ bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double
   for (const Taxels* contact : contacts) {
     follow(*contact, mean, rise);
   }
-  std::fill(released, released + taxels, false);
-  for (const Taxels* contact : contacts) {
-    const bool looks = looks_released(*contact, mean, course, variance, noise);
-    for (const Taxel taxel : *contact) {
-      released[static_cast<std::size_t>(taxel)] = looks;
-    }
-  }
-  bool any = false;
-  for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
-    blocks_[taxel] = released[taxel] ? blocks_[taxel] + 1 : 0;
-    released[taxel] = blocks_[taxel] >= kReleasedBlocks;
-    any = any || released[taxel];
-  }
-  return any;
+  const auto looks = [&](const Taxels& contact) { return looks_released(contact, mean, course, variance, noise); };
+  return looks_released_for_.update(contacts, looks, released);
 }
 
 /// Follow the peaks of a contact. It is one object: what is left at its edge was its, too. What an earlier one has left

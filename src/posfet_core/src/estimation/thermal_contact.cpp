@@ -17,11 +17,11 @@ ThermalContact::ThermalContact(std::size_t taxels, double warmth_time, double th
       threshold_(threshold),
       readings_(kBlocks + 1, std::vector<double>(taxels, 0.0)),
       tends_(taxels, 0.0),
-      cooled_for_(taxels, 0) {}
+      cools_for_(taxels, kLeftBlocks) {}
 
 void ThermalContact::reset() {
   seen_ = 0;
-  std::fill(cooled_for_.begin(), cooled_for_.end(), 0);
+  cools_for_.reset();
 }
 
 void ThermalContact::update(const std::vector<double>& reading, double duration) {
@@ -40,20 +40,7 @@ bool ThermalContact::warmed(std::size_t taxel) const {
 }
 
 bool ThermalContact::find_left(const Vector<const Taxels*>& contacts, TaxelFlags& left) {
-  left.fill(false);
-  for (const Taxels* contact : contacts) {
-    const bool looks = known() && cools(*contact);
-    for (const Taxel taxel : *contact) {
-      left[static_cast<std::size_t>(taxel)] = looks;
-    }
-  }
-  bool any = false;
-  for (std::size_t taxel = 0; taxel < cooled_for_.size(); ++taxel) {
-    cooled_for_[taxel] = left[taxel] ? cooled_for_[taxel] + 1 : 0;
-    left[taxel] = cooled_for_[taxel] >= kLeftBlocks;
-    any = any || left[taxel];
-  }
-  return any;
+  return cools_for_.update(contacts, [&](const Taxels& contact) { return known() && cools(contact); }, left.data());
 }
 
 /// Whether a contact reads less than none, and all of it tends to none.

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/estimation/blocks_in_a_row.hpp"
 #include "posfet_core/grid.hpp"
 #include "posfet_core/recycled.hpp"
 
@@ -26,7 +27,7 @@ public:
   static constexpr std::size_t kStillBlocks = 5;
 
   /// Blocks for which a contact must look released.
-  static constexpr int kReleasedBlocks = 3;
+  static constexpr std::size_t kReleasedBlocks = 3;
 
   /// A released contact has less than this share of the recent peak of its total force left [1]. Of the force of a
   /// single taxel an error may be much, after a long touch.
@@ -78,7 +79,7 @@ private:
   std::vector<std::vector<double>> means_;  ///< Means of the last blocks with the charge of bending, in turn [N].
   std::size_t seen_ = 0;                    ///< Number of blocks.
   std::vector<std::size_t> touched_for_;    ///< Number of blocks for which a taxel has been touched.
-  std::vector<int> blocks_;                 ///< Number of blocks for which the contact of a taxel has looked released.
+  BlocksInARow looks_released_for_;
 };
 
 }  // namespace posfet

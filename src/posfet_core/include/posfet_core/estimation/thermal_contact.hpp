@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/estimation/blocks_in_a_row.hpp"
 #include "posfet_core/flags.hpp"
 #include "posfet_core/grid.hpp"
 #include "posfet_core/recycled.hpp"
@@ -65,7 +66,7 @@ private:
   std::size_t seen_ = 0;
   std::vector<std::vector<double>> readings_;  ///< Of the last blocks, the oldest one replaced by the next [N].
   std::vector<double> tends_;                  ///< Value that each reading tends to [N].
-  std::vector<std::size_t> cooled_for_;        ///< Blocks in a row in which the contact of a taxel looked left.
+  BlocksInARow cools_for_;
 };
 
 }  // namespace posfet
