@@ -65,6 +65,8 @@ CREEP_TIMES: Final = (1.0, 3.0, 10.0)
 """Time constants of the creep of film and cover, with equal shares [s]: elastomers, assumed."""
 CREEP_SPREAD: Final = 0.2
 """Standard deviation of the taxels' creep, relative [1], assumed."""
+TOUCHED: Final = 2e-3
+"""Total force above which an object touches; the next one does so when it has left [N]."""
 PLAY_SIZES: Final = tuple(np.geomspace(0.002, 0.2, 8))
 """Half widths of the play operators, relative to the maximum force [1], with equal weights: loops of all sizes."""
 PLAY_TEST: Final = np.geomspace(0.05, 5.0, 60)
@@ -110,6 +112,8 @@ class Effects:
     """Force on a taxel at which 63 % of its warmth are reached [N]: thermal contact saturates, assumed."""
     warmth_step: float = 0.0
     """Force on a taxel from which on it has all of its warmth [N]; 0: it saturates, with `warmth_force`."""
+    warmth_spread: float = 0.0
+    """Standard deviation of the warmth of each object that touches, relative to it [1]; the stand has one object."""
     warmth_on_stand: bool = True
     """Whether the ball of the calibration stand warms the film as the objects do."""
     drift: float = 0.0
@@ -353,8 +357,18 @@ class Board:
         if self.effects.warmth and (self.effects.warmth_on_stand or not on_stand):
             step_at, saturating = self.effects.warmth_step, -np.expm1(-force / self.effects.warmth_force)
             contact = np.where(force >= step_at, 1.0, 0.0) if step_at else saturating
+            if self.effects.warmth_spread and not on_stand:
+                contact *= self._object_warmth(force)[:, None]
             film = film + low_pass(self.effects.warmth * contact, np.full(force.shape[1], WARMTH_TIME), step)
         return per_kelvin * self._pyroelectric * film
+
+    def _object_warmth(self, force: Array) -> Array:
+        """Return the warmth of the object that touches, relative to that of the others [1], shape [scans]."""
+        touched = force.sum(axis=1) > TOUCHED
+        number = np.cumsum(np.diff(touched.astype(int), prepend=0) == 1)
+        each = np.random.default_rng([self.seed, 3]).standard_normal(number[-1] + 1)
+        warmth: Array = 1.0 + self.effects.warmth_spread * np.clip(each, -2.0, 2.0)[number]
+        return warmth
 
     def _circuit(self, charge: Array, chip: Array, step: float) -> Array:
         """Return what is left of the charge at the gate, as a voltage per nominal one [N], shape [scans, taxels]."""

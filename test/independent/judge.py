@@ -118,6 +118,9 @@ def rows() -> dict[str, Row]:
         "warmth_100mK_stiff": row(Effects(warmth=0.1, warmth_force=0.15), Limits(10.0)),
         "warmth_30mK_step": row(Effects(warmth=0.03, warmth_step=5e-3), Limits(2.0), "mixed", "sliding"),
         "warmth_100mK_step": row(Effects(warmth=0.1, warmth_step=10e-3), Limits(10.0)),
+        "warmth_30mK_objects": row(
+            Effects(warmth=0.03, warmth_spread=0.25), Limits(None, 90.0, None), "mixed", "regrasp", "pad"
+        ),
         "warmth_300mK": row(Effects(warmth=0.3), Limits(None)),
         "warm_object_30mK": row(Effects(warmth=0.03, warmth_on_stand=False), Limits(2.0)),
         "warm_object_100mK": row(Effects(warmth=0.1, warmth_on_stand=False), Limits(10.0)),

@@ -86,6 +86,8 @@ HELD_SLOWLY = (
             "hold300",
         )
     ),
+    ("warmth_30mK_objects", "pad"),
+    ("warmth_30mK_objects", "regrasp"),
     ("moderate_under_way", "power_on"),
     ("moderate_under_way", "hold300"),
     *(
@@ -95,6 +97,7 @@ HELD_SLOWLY = (
             "creep",
             "hysteresis",
             "warmth_30mK",
+            "warmth_30mK_objects",
             "drift",
             "drift_under_way",
             "bending_2",
@@ -181,6 +184,14 @@ def test_a_tap_within_a_scan_or_two_is_within_its_deviation() -> None:
     board, calibration = calibrated("moderate", BOARD, "gauss")
     verdict = judge(board, calibration, "gauss", scenes()["tap"])
     assert min(verdict.taxels, verdict.total) >= 90.0
+
+
+def test_objects_of_other_temperatures_are_within_the_deviation() -> None:
+    # What one object taught of the warmth counted as known of the next one: 72 % of the totals were within it.
+    board, calibration = calibrated("moderate", BOARD, "gauss")
+    objects = replace(board, effects=replace(board.effects, warmth_spread=0.25))
+    verdict = judge(objects, calibration, "gauss", scenes()["regrasp"])
+    assert min(verdict.taxels, verdict.total) >= 95.0
 
 
 def test_a_board_that_warms_up_reads_no_force_that_is_none() -> None:

@@ -134,6 +134,9 @@ separable then."""
 BEYOND_RANGE: Final = 1.25
 """Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one."""
 
+OF_OBJECT: Final = COUNT + 3
+"""Which of the causes of errors that the forces share is the object that touches."""
+
 NONLINEARITY: Final = 0.01
 """Change of the gain per force on a taxel [1/N], assumed: with the preload of the film, the charge per small force
 grows by up to two per cent per newton, half of which counts for the force itself."""
@@ -296,7 +299,7 @@ class ForceEstimator:
             noticeable=NOTICEABLE * self._threshold,
             fastest=UniformChange.FASTEST,
             negligible=self._negligible,
-            causes=COUNT + 4,
+            causes=COUNT + 5,
             leak_per_kelvin=calibration.leak_per_kelvin,
             leak_temperature=math.nan if calibration.temperature is None else calibration.temperature,
         )
@@ -1336,7 +1339,9 @@ class ForceEstimator:
         return variance
 
     def _shared_variance(self) -> Array:
-        variance: Array = np.einsum("ij,ij->i", self._factor, self._factor)
+        """Return the variances of what the forces share, but for what one object differs from others by [N2]."""
+        known = np.delete(self._factor, OF_OBJECT, axis=1)
+        variance: Array = np.einsum("ij,ij->i", known, known)
         return variance
 
     def _finish(self, block: Block) -> None:
@@ -1440,10 +1445,20 @@ class ForceEstimator:
         absorbed = self._absorbed()
         self._follow_hidden(block, absorbed)
         self._factor[:, COUNT + 2] = absorbed + self._hidden
-        self._factor[:, COUNT + 3] = self._lost
+        self._factor[:, OF_OBJECT] = self._per_kelvin * self._touch.warm * self._touched * self._object_deviation()
+        self._factor[:, COUNT + 4] = self._lost
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2
         self._own = own
+
+    def _object_deviation(self) -> float:
+        """Return by how much the warmth of an object may differ from that of others, beyond what is unknown of it [K].
+
+        It counts in the deviation only: as a state, each object would teach the filter anew.
+        """
+        shared, p = int(Shared.WARMTH), self._priors
+        differs = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[shared]))
+        return math.sqrt(max(differs**2 - float(self.belief.covariance[shared, shared]), 0.0))
 
     def _follow_hidden(self, block: Block, absorbed: Array) -> None:
         """Follow what the warmth of an object may hide of a touch that no contact lists yet.

@@ -159,10 +159,11 @@ double ForceEstimator::warmth_variance(std::size_t taxel) const {
   return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }
 
-/// Variance of a force at the end of the last block [N2].
+/// Variance of a force at the end of the last block, but for what one object differs from others by [N2]: no evidence
+/// of a motion or a release depends on that.
 double ForceEstimator::whole_variance(std::size_t taxel) const {
   const double* factor = state().correlated_error.data() + taxel * kCauses;
-  return own_[taxel] + dot(factor, factor, kCauses);
+  return own_[taxel] + dot(factor, factor, kCauses) - square(factor[kOfObject]);
 }
 
 /// By how much forces beside a contact differ from what they have in common, relative to the decline: as much as that

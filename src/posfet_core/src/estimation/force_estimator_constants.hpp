@@ -30,8 +30,11 @@ constexpr double kCorrelated = 50.0;
 /// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
 constexpr double kLeastTail = 1e-4;
 
-/// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, lost
-/// scans.
-constexpr std::size_t kCauses = kSharedStates + 4;
+/// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, the
+/// object that touches, lost scans.
+constexpr std::size_t kCauses = kSharedStates + 5;
+
+/// That of the object.
+constexpr std::size_t kOfObject = kSharedStates + 3;
 
 }  // namespace posfet

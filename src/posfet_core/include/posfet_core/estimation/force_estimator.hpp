@@ -282,6 +282,7 @@ private:
   void set_covariance(const Block& block);
   bool is_valid(double duration);
   bool may_be_hot() const;
+  double object_deviation() const;
   double total_deviation(const TaxelFlags& counted) const;
   bool is_certain(const TaxelFlags& counted, double deviation) const;
   void confirm_offsets(double duration);
