@@ -122,6 +122,8 @@ class Effects:
     """Whether the drift has begun before the first scan, as on a robot in use; else it begins with that scan."""
     sensor_lag: float = 0.0
     """Lag of the temperature sensors behind the chip [s]."""
+    sensor_dead_time: float = 0.0
+    """Dead time of the temperature sensors before that lag [s]."""
     sensor_offset: float = 0.0
     """Error of the temperature sensors, one up, the other one half as much down [K]."""
     chip_warming: float = 0.0
@@ -429,9 +431,10 @@ class Board:
 
     def _readings(self, chip: Array, step: float, rng: np.random.Generator) -> NDArray[np.float32]:
         """Return the newest readings of both temperature sensors [degC], shape [scans, 2]."""
-        seen = chip
+        dead = min(round(self.effects.sensor_dead_time / step), len(chip))
+        seen = np.concatenate([np.full(dead, chip[0]), chip[: len(chip) - dead]])
         if self.effects.sensor_lag:
-            seen = low_pass(chip[:, None], np.array([self.effects.sensor_lag]), step)[:, 0]
+            seen = low_pass(seen[:, None], np.array([self.effects.sensor_lag]), step)[:, 0]
         period = round(1.0 / (SENSOR_RATE * step))
         taken = ROOM_TEMPERATURE + seen[::period, None] + self.effects.sensor_offset * np.array([1.0, -0.5])
         taken = taken + SENSOR_NOISE * rng.standard_normal(taken.shape)

@@ -127,6 +127,7 @@ def rows() -> dict[str, Row]:
         "warm_object_300mK": row(Effects(warmth=0.3, warmth_on_stand=False), Limits(None)),
         "drift": row(drift, Limits(2.0)),
         "drift_under_way": row(replace(drift, drift_under_way=True), Limits(2.0)),
+        "drift_dead_time": row(replace(drift, sensor_lag=0.0, sensor_dead_time=1.0), Limits(2.0)),
         "bending_2": row(Effects(bending=2e-3), Limits(1.0)),
         "bending_8": row(Effects(bending=8e-3), Limits(3.0)),
         "hum": row(Effects(hum=5e-3, hum_wander=0.2), noisy),

@@ -100,6 +100,7 @@ HELD_SLOWLY = (
             "warmth_30mK_objects",
             "drift",
             "drift_under_way",
+            "drift_dead_time",
             "bending_2",
             "bending_8",
             "hum",

@@ -71,6 +71,7 @@ inline ErrorPriors priors() {
   given.warmth_spread = 0.25;
   given.warmth_force = 0.05;
   given.warmth_steepness = 1.0;
+  given.dead_share = 0.5;
   given.warmth_force_spread = 10.0;
   given.warmth_certain = 1.0;
   given.warmth_contact = 0.58;

@@ -27,11 +27,12 @@ DRIFT = 3e-4
 BEGIN = 10.0
 
 
-def signals(per_kelvin: float, sensor_lag: float, left: float = 0.0) -> tuple[Array, Array, Array]:
+def signals(per_kelvin: float, sensor_lag: float, left: float = 0.0, dead: float = 0.0) -> tuple[Array, Array, Array]:
     """Return time [s], reading [K] and common-mode signal [N] of blocks while the chip is cooled and warmed.
 
     The film's charge leaks with a rate that rises by `per_kelvin`, solved in steps of a millisecond; the leakage is
-    compensated as at the start. `left` is what presses before leave of force [N].
+    compensated as at the start. `left` is what presses before leave of force [N]; `dead` is a dead time of the sensors
+    [s].
     """
     time = STEP * np.arange(30_000, dtype=np.float64)
     chip = np.interp(time, [BEGIN, BEGIN + 2.0, BEGIN + 6.0, BEGIN + 8.0], [0.0, -1.5, 1.5, 0.0])
@@ -44,7 +45,8 @@ def signals(per_kelvin: float, sensor_lag: float, left: float = 0.0) -> tuple[Ar
     leaked = 0.5 * (charge[1:] + charge[:-1]) * STEP / TAU
     common = charge + np.concatenate([[0.0], np.cumsum(leaked)]) + DRIFT * time
     common += left * np.minimum(time / (0.5 * BEGIN), 1.0)
-    reading = low_pass(time, chip, sensor_lag) + 2e-3 * np.random.default_rng(1).standard_normal(len(time))
+    reading = low_pass(time, np.interp(time - dead, time, chip), sensor_lag)
+    reading += 2e-3 * np.random.default_rng(1).standard_normal(len(time))
     return block_means(time, BLOCK), block_means(reading, BLOCK), block_means(common, BLOCK)
 
 
@@ -61,6 +63,16 @@ def test_leakage_that_depends_on_the_temperature_is_found(per_kelvin: float, sen
     assert found.leak_per_kelvin_deviation < 6e-3
     assert found.newton_per_kelvin == pytest.approx(PER_KELVIN, rel=5e-3)
     assert found.lag == pytest.approx(FILM_LAG - sensor_lag, abs=0.01)
+
+
+@pytest.mark.parametrize(("sensor_lag", "dead"), [(0.0, 1.0), (0.5, 0.5), (0.0, 0.2), (1.0, 0.0)])
+def test_a_dead_time_of_the_sensors_is_told_from_a_lag(sensor_lag: float, dead: float) -> None:
+    # Sensors that are wholly dead for a second differed from those with a lag by 68 mK, and were refused.
+    time, reading, common = signals(0.0, sensor_lag, dead=dead)
+    found = fit_temperature(time, reading, common, time > BEGIN - 1.0, FILM_LAG, 0.0, TAU)
+    assert FILM_LAG - found.lag == pytest.approx(sensor_lag + dead, abs=0.02)
+    assert found.dead_share == pytest.approx(dead / (sensor_lag + dead), abs=0.13)
+    assert float(np.std(found.residuals)) < 4e-3
 
 
 @pytest.mark.parametrize("step", [0.0, 1.0 / 16.0])

@@ -177,6 +177,25 @@ def test_a_lag_of_the_sensors_is_known_as_well_as_readings_show_it(lag: float, d
     assert known.lag_spread * known.lag == pytest.approx(deviation, rel=0.01)
 
 
+def test_sensors_with_a_dead_time_are_unknown_only_while_they_fall_behind() -> None:
+    # With a lag of first order in the place of a dead time, a pad on all taxels was wrong by 10 %, and valid.
+    lag = 1.0
+    priors = ErrorPriors().with_calibration(
+        calibration(temperature_sensor_lag=lag, temperature_sensor_dead_time=0.75 * lag)
+    )
+    assert priors.dead_share == pytest.approx(0.75)
+    model, rate, warming = SharedDynamics(priors, 0.06), 0.02, 0.013
+    steady = state(lag)
+    steady[Shared.RATE], steady[Shared.SENSOR] = rate, steady[Shared.CHIP] - lag * (rate + warming)
+    begun = steady.copy()
+    begun[Shared.SENSOR] = begun[Shared.CHIP]
+    gained = [
+        float(model.transition(each, BLOCK, warming)[2][Shared.SENSOR, Shared.SENSOR]) for each in (steady, begun)
+    ]
+    assert gained[0] == pytest.approx(0.0, abs=1e-15)
+    assert gained[1] == pytest.approx((0.75 * (rate + warming)) ** 2 * BLOCK * lag, rel=1e-9)
+
+
 def test_readings_are_as_noisy_as_a_calibration_has_found_them_or_as_assumed() -> None:
     priors = ErrorPriors()
     assert priors.with_calibration(calibration(temperature_reading_deviation=0.02)).reading == 0.02

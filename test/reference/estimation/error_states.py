@@ -84,6 +84,7 @@ class SharedDynamics:
     def __init__(self, priors: ErrorPriors, film_lag: float) -> None:
         self._film_lag = film_lag
         self._rate_change, self._slow_rate = priors.rate_change, priors.slow_rate
+        self._dead_share = priors.dead_share
         rates = np.diag(start_covariance(priors)).copy() / self.FORGET
         rates[Shared.RATE] = priors.rate_walk**2
         rates[[Shared.SENSOR, Shared.EARLIER, Shared.ZERO, Shared.DRIFT, Shared.TAIL]] = 0.0
@@ -96,7 +97,7 @@ class SharedDynamics:
         both = [Shared.CHIP, Shared.FILM]
         self._noise[np.ix_(both, both)] = intensity
 
-    def transition(self, state: Array, duration: float) -> tuple[Array, Array, Array]:
+    def transition(self, state: Array, duration: float, warming: float = 0.0) -> tuple[Array, Array, Array]:
         """Return the next state, the transition matrix and the covariance of the process noise of a block.
 
         Parameters
@@ -105,6 +106,8 @@ class SharedDynamics:
             State at its start.
         duration : float
             Duration of the block [s].
+        warming : float, default 0.0
+            Rate at which the chip warms beyond that of the state [K/s].
         """
         if duration != self._duration:  # nearly all blocks have the same
             self._duration = duration
@@ -115,6 +118,8 @@ class SharedDynamics:
         lag, time = float(state[Shared.LAG]), self.sensor_lag(state)
         self._follow(matrix, Shared.SENSOR, time, duration)
         after = matrix @ state
+        thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
+        after[thermal] += matrix[thermal, Shared.RATE] * warming
         if self.LEAST_LAG < lag < self.GREATEST_LAG:
             # Derivative of the sensors' temperature with respect to the logarithm of the time constant.
             ratio, behind = duration / time, state[Shared.CHIP] - state[Shared.SENSOR]
@@ -128,6 +133,10 @@ class SharedDynamics:
             noise[Shared.RATE, Shared.RATE] += (
                 (self._rate_change * rate) ** 2 * duration * rate / (rate + self._slow_rate)
             )
+        # Far behind by a constant rate, sensors with a dead time are as those with a lag of first order.
+        behind = state[Shared.CHIP] - state[Shared.SENSOR]
+        unlike = self._dead_share * (behind - time * (state[Shared.RATE] + warming)) / time
+        noise[Shared.SENSOR, Shared.SENSOR] += unlike**2 * duration * time
         return after, matrix, noise
 
     def maneuver(self, state: Array, duration: float) -> Array:

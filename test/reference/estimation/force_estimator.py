@@ -1100,7 +1100,7 @@ class ForceEstimator:
         if any_true(fresh):
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
-        after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
+        after, matrix, noise = self._dynamics.transition(belief.shared, block.span, block.warming)
         # As the forces beside the contact change, the tail does by as much as it is.
         forgotten = block.moved_share + 0.5 * self._tail_spread() ** 2 / UNKNOWN_TAIL * block.tail_moved
         kept = math.exp(-forgotten)
@@ -1109,8 +1109,6 @@ class ForceEstimator:
         noise[Shared.TAIL, Shared.TAIL] = (1.0 - kept**2) * UNKNOWN_TAIL
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         noise[Shared.LEAK, Shared.LEAK] += block.leak_noise
-        thermal = [Shared.CHIP, Shared.FILM, Shared.SENSOR]
-        after[thermal] += matrix[thermal, Shared.RATE] * block.warming
         belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
         belief.cool(block.cooled)
         leaked = block.leak / self._tau

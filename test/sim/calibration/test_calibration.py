@@ -216,6 +216,7 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     for key in (
         "relaxation_poles", "relaxation", "warmth", "temperature_sensor_lag_s", "common_gain_deviation_percent",
         "common_leak_deviation_percent", "leak_temperature", "temperature_reading_deviation_mK",
+        "temperature_sensor_dead_time_s",
     ):  # fmt: skip
         del document[key]
     del document["taxels"]["gain_deviation_percent"], document["taxels"]["leak_deviation_percent"]
@@ -226,7 +227,7 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     assert (read.leak_deviation == CALIBRATED_LEAK_DEVIATION).all()
     assert read.leak_per_kelvin == 0.0
     assert read.leak_per_kelvin_deviation == NOMINAL_LEAK_PER_KELVIN_DEVIATION
-    assert read.temperature_reading_deviation == 0.0
+    assert read.temperature_reading_deviation == read.temperature_sensor_dead_time == 0.0
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])

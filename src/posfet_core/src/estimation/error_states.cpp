@@ -67,7 +67,11 @@ SquareMatrix ErrorPriors::covariance() const {
 }
 
 SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
-    : film_lag_(film_lag), rate_change_(priors.rate_change), slow_rate_(priors.slow_rate), noise_(priors.covariance()) {
+    : film_lag_(film_lag),
+      rate_change_(priors.rate_change),
+      slow_rate_(priors.slow_rate),
+      dead_share_(priors.dead_share),
+      noise_(priors.covariance()) {
   for (double& variance : noise_) {
     variance /= kForget;
   }
@@ -88,7 +92,7 @@ void SharedDynamics::set_film_walk(double intensity) {
   }
 }
 
-SharedTransition& SharedDynamics::transition(const std::vector<double>& state, double duration) {
+SharedTransition& SharedDynamics::transition(const std::vector<double>& state, double duration, double warming) {
   SquareMatrix& matrix = transition_.matrix;
   std::fill(matrix.begin(), matrix.end(), 0.0);
   for (std::size_t each = 0; each < kSharedStates; ++each) {
@@ -100,7 +104,8 @@ SharedTransition& SharedDynamics::transition(const std::vector<double>& state, d
   follow(matrix, kFilm, film_lag_, duration);
   follow(matrix, kSensor, time, duration);
   for (std::size_t row = 0; row < kSharedStates; ++row) {
-    transition_.after[row] = dot(matrix.data() + row * kSharedStates, state.data(), kSharedStates);
+    const double* each = matrix.data() + row * kSharedStates;
+    transition_.after[row] = dot(each, state.data(), kSharedStates) + (row == kRate ? 0.0 : each[kRate] * warming);
   }
   if (kLeastLag < lag && lag < kGreatestLag) {
     // Derivative of the sensors' temperature with respect to the logarithm of the time constant.
@@ -115,6 +120,12 @@ SharedTransition& SharedDynamics::transition(const std::vector<double>& state, d
   if (const double rate = std::abs(state[kRate]); rate > 0.0) {
     const double change = rate_change_ * rate;
     transition_.noise[at(kRate, kRate)] += change * change * duration * rate / (rate + slow_rate_);
+  }
+  if (dead_share_ > 0.0) {
+    // Far behind by a constant rate, sensors of both kinds are the same; until then they differ by a part of what they
+    // are not yet behind, with the same sign for as long as the lag.
+    const double unlike = dead_share_ * (state[kChip] - state[kSensor] - time * (state[kRate] + warming)) / time;
+    transition_.noise[at(kSensor, kSensor)] += unlike * unlike * duration * time;
   }
   return transition_;
 }

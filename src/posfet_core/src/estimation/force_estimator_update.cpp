@@ -94,7 +94,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
       own_noise_[place] = square(spread * block.tail[taxel] + priors_.tail_least * block.neighbour[taxel]);
     }
   }
-  SharedTransition& shared = dynamics_.transition(b.shared, block.span);
+  SharedTransition& shared = dynamics_.transition(b.shared, block.span, block.warming);
   // As the forces beside the contact change, the tail does by as much as it is.
   const double forgotten = block.moved_share + 0.5 * square(spread) / kUnknownTail * block.tail_moved;
   const double kept = std::exp(-forgotten);
@@ -103,9 +103,6 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
   shared.noise[kTail * kSharedStates + kTail] = (1.0 - square(kept)) * kUnknownTail;
   shared.noise[kRate * kSharedStates + kRate] += block.rate_noise;
   shared.noise[kLeak * kSharedStates + kLeak] += block.leak_noise;
-  for (const std::size_t state : {kChip, kFilm, kSensor}) {
-    shared.after[state] += shared.matrix[state * kSharedStates + kRate] * block.warming;
-  }
   const double warming = shared.after[kFilm] - b.shared[kFilm];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     values_[taxel] = array_.newton_per_kelvin[taxel] * warming;

@@ -452,7 +452,7 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 33> kValues{{
+  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 34> kValues{{
       {"film_walk", &ErrorPriors::film_walk},
       {"rate", &ErrorPriors::rate},
       {"rate_walk", &ErrorPriors::rate_walk},
@@ -463,6 +463,7 @@ ErrorPriors priors_from(const py::object& priors) {
       {"fastest", &ErrorPriors::fastest},
       {"lag", &ErrorPriors::lag},
       {"lag_spread", &ErrorPriors::lag_spread},
+      {"dead_share", &ErrorPriors::dead_share},
       {"scale", &ErrorPriors::scale},
       {"reading", &ErrorPriors::reading},
       {"earlier", &ErrorPriors::earlier},

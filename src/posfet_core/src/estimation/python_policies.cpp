@@ -127,12 +127,13 @@ void bind_dynamics(const py::module_& module) {
            "Set the variance by which the temperature of chip and film grows in each second [K2/s].")
       .def(
           "transition",
-          [state_of](SharedDynamics& dynamics, const Values& state, double duration) {
-            const SharedTransition& found = dynamics.transition(state_of(state), duration);
+          [state_of](SharedDynamics& dynamics, const Values& state, double duration, double warming) {
+            const SharedTransition& found = dynamics.transition(state_of(state), duration, warming);
             return py::make_tuple(array_of(found.after), array_of(found.matrix, kStates),
                                   array_of(found.noise, kStates));
           },
-          py::arg("state"), py::arg("duration"), "Return next state, transition matrix and covariance of the noise.")
+          py::arg("state"), py::arg("duration"), py::arg("warming") = 0.0,
+          "Return next state, transition matrix and covariance of the noise.")
       .def(
           "maneuver",
           [state_of](SharedDynamics& dynamics, const Values& state, double duration) {

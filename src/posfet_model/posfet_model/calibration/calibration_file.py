@@ -102,6 +102,7 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "steepness": _number(calibration.warmth_steepness),
         },
         "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
+        "temperature_sensor_dead_time_s": _number(calibration.temperature_sensor_dead_time),
         "temperature_reading_deviation_mK": _number(calibration.temperature_reading_deviation * 1e3),
     }
     if len(calibration.bending):
@@ -253,6 +254,7 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         warmth_deviation=warmth.number("deviation_K", 0.0, 10.0),
         warmth_steepness=warmth.number("steepness", 0.1, 100.0, default=1.0),
         temperature_sensor_lag=top.number("temperature_sensor_lag_s", 0.0, 1e4),
+        temperature_sensor_dead_time=top.number("temperature_sensor_dead_time_s", 0.0, 1e4, default=0.0),
         temperature_reading_deviation=top.number("temperature_reading_deviation_mK", 0.0, 1e6, default=0.0) * 1e-3,
         temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
     )

@@ -182,6 +182,7 @@ def _calibration(
         temperature["leak_per_kelvin_deviation"] = thermal.leak_per_kelvin_deviation
         film_lag = thermal.lag + LEAST_SENSOR_LAG if thermal.lag >= 0.0 else film_lag
         sensor_lag = film_lag - thermal.lag
+        temperature["temperature_sensor_dead_time"] = thermal.dead_share * sensor_lag
     return Calibration(
         gain=gain,
         pyroelectric_gain=pyroelectric,

@@ -161,6 +161,8 @@ class Calibration:
     temperature_sensor_lag: float = 0.0
     """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
     `thermal_time_constant` minus this, which may be below 0."""
+    temperature_sensor_dead_time: float = 0.0
+    """Part of that lag that is a dead time [s]; the rest is of first order."""
     temperature_reading_deviation: float = 0.0
     """Standard deviation of a reading of these sensors, their mean: noise and rounding [K]; 0: not in the file."""
     temperature: float | None = None

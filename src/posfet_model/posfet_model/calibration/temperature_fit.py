@@ -9,7 +9,8 @@
 
 The film is its own thermometer: its charge is known to far less than a millikelvin, while a sensor reading has about 4
 mK of noise. So the slower of the two is never differentiated: where the film is slower, the reading is delayed and
-compared with the film; where the sensors are slower, the film's signal is delayed and compared with the reading.
+compared with the film; where the sensors are slower, the film's signal is delayed and compared with the reading. A part
+of that delay may be a dead time: heat that diffuses to a sensor arrives late, and then at once.
 
 Leakage depends on the temperature. The common-mode signal F was compensated with the time constants tau of the
 presses, at the temperature T0. Where the leak rates are higher by a share of a*(T - T0), that left out as much of what
@@ -34,6 +35,9 @@ LAGS: Final = (*(-np.geomspace(6.0, 0.02, 29)).tolist(), 0.0, *np.geomspace(0.02
 """Lags of the film behind the sensors that are tried [s]; below 0: the sensors lag behind the film."""
 
 
+DEAD_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the sensors' lag that are tried as a dead time [1]; the rest is of first order."""
+
 ROUNDS: Final = 3
 """Rounds in which the film's temperature and what leaks by it are found in turn."""
 
@@ -52,6 +56,8 @@ class TemperatureFit:
     """Increase of the leak rates per temperature, relative to those of the presses [1/K], and"""
     leak_per_kelvin_deviation: float
     """its standard deviation [1/K]."""
+    dead_share: float
+    """Share of the sensors' lag that is a dead time [1]."""
     residuals: Array
     """Reading minus that predicted from the film or the other way round [K], shape [blocks]."""
 
@@ -113,48 +119,64 @@ def fit_temperature(
     charge = high_pass(time, common, time_constant) / time_constant
     nothing, unseen = np.zeros(len(time)), np.zeros(len(time))
     parts = time[changing], temperature[changing], common[changing]
-    found = _best(*parts, nothing[changing], film_lag)
+    shares = [_best(*parts, nothing[changing], film_lag, share) for share in DEAD_SHARES]
+    found = min(shares, key=lambda each: float(np.square(each.residuals).sum()))
+    share = found.dead_share
     start = temperature[changing][0] - common[changing][0] / found.newton_per_kelvin
     for _ in range(ROUNDS):
         # The film is its own thermometer, which the sensors lag behind.
         film = start + (common + found.leak_per_kelvin * unseen) / found.newton_per_kelvin
         leaking = (film - pressed) * charge
         unseen = np.concatenate([[0.0], np.cumsum(0.5 * (leaking[1:] + leaking[:-1]) * np.diff(time))])
-        found = _best(*parts, unseen[changing], film_lag)
+        found = _best(*parts, unseen[changing], film_lag, share)
     # Charge leaks faster the warmer it is: less than the deviation is something else.
     leak = found.leak_per_kelvin if found.leak_per_kelvin > found.leak_per_kelvin_deviation else 0.0
-    whole = _best(time, temperature, common + leak * unseen, nothing, film_lag)
+    whole = _best(time, temperature, common + leak * unseen, nothing, film_lag, share)
     return replace(whole, leak_per_kelvin=leak, leak_per_kelvin_deviation=found.leak_per_kelvin_deviation)
 
 
-def _best(time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float) -> TemperatureFit:
+def _best(
+    time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, dead_share: float
+) -> TemperatureFit:
     """Return the fit with the lag that leaves the smallest residuals."""
 
     def squares(lag: float) -> float:
-        return float(np.square(_at(time, temperature, common, unseen, film_lag, lag).residuals).sum())
+        return float(np.square(at(lag).residuals).sum())
+
+    def at(lag: float) -> TemperatureFit:
+        return _at(time, temperature, common, unseen, film_lag, lag, dead_share)
 
     best = int(np.argmin([squares(lag) for lag in LAGS]))
     at_limit = best in (0, len(LAGS) - 1)
     lag = LAGS[best] if at_limit else golden_section(squares, LAGS[best - 1], LAGS[best + 1], 20)
-    return _at(time, temperature, common, unseen, film_lag, lag)
+    return at(lag)
 
 
-def _at(time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, lag: float) -> TemperatureFit:
+def _at(
+    time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, lag: float, dead_share: float
+) -> TemperatureFit:
     """Return the fit for a given lag: ``film = a + b*t - c*unseen + p*temperature``, the faster one delayed."""
     elapsed = time - time[0]
     columns = np.stack([np.ones(len(time)), elapsed, -unseen, temperature], axis=1)
     if lag >= 0.0:
         columns[:, 3] = low_pass(time, temperature, lag)
-        delayed = common - common[0]
+        delayed, dead_share = common - common[0], 0.0
     else:
         # The reading, which the sensors delay, is delayed like the film; all else is delayed like the reading.
-        columns[:, :3] = low_pass(time, columns[:, :3], film_lag - lag)
+        dead = dead_share * (film_lag - lag)
+        slow = film_lag - lag - dead
+        columns[:, :3] = low_pass(time, _after(time, columns[:, :3], dead), slow)
         columns[:, 3] = low_pass(time, temperature, film_lag)
-        delayed = low_pass(time, common, film_lag - lag)
+        delayed = low_pass(time, _after(time, common[:, None], dead)[:, 0], slow)
     found = np.linalg.lstsq(columns, delayed, rcond=None)[0]
     per_kelvin = float(found[3])
     scale = per_kelvin if abs(per_kelvin) > 1e-9 else 1e-9
     left = delayed - columns @ found
     spread = np.linalg.pinv(columns.T @ columns)[2, 2] * float(left @ left) / max(len(time) - 4, 1)
     deviation = math.hypot(math.sqrt(spread), LEAK_UNCERTAINTY)
-    return TemperatureFit(lag, per_kelvin, float(found[1]), float(found[2]), deviation, left / scale)
+    return TemperatureFit(lag, per_kelvin, float(found[1]), float(found[2]), deviation, dead_share, left / scale)
+
+
+def _after(time: Array, columns: Array, dead: float) -> Array:
+    """Return columns a dead time [s] later, shape [blocks, columns]."""
+    return np.stack([np.interp(time - dead, time, column) for column in columns.T], axis=1)

@@ -118,6 +118,8 @@ class ErrorPriors:
     """The same with calibration [1], and"""
     lag_resolution: float = 0.015
     """the standard deviation of that lag beyond it [s]: readings come ten times a second."""
+    dead_share: float = 0.0
+    """Share of that lag that a calibration found to be a dead time [1]; the filter has a lag of first order."""
     scale: float = 0.04
     """Scale of the temperature sensors [1], and"""
     scale_calibrated: float = 0.015
@@ -221,6 +223,7 @@ class ErrorPriors:
             lag = max(calibration.temperature_sensor_lag, self.lag_least)
             spread = math.hypot(self.lag_spread_calibrated, self.lag_resolution / lag)
             found |= {"lag": lag, "lag_spread": spread, "slow_rate": self.slow_rate_calibrated}
+            found["dead_share"] = min(calibration.temperature_sensor_dead_time / lag, 1.0)
         if calibration.warmth_observed:
             deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_mean": calibration.warmth, "warmth": deviation}

@@ -116,12 +116,10 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         ("dead taxels", ", ".join(map(str, np.flatnonzero(calibration.dead))) or "none"),
     ]  # fmt: skip
     if calibration.thermal_time_constant is not None:
-        numbers.append(
-            (
-                "thermal lag",
-                f"film {calibration.thermal_time_constant:.3f} s, sensors {calibration.temperature_sensor_lag:.3f} s",
-            )
-        )
+        sensors, dead = calibration.temperature_sensor_lag, calibration.temperature_sensor_dead_time
+        of_which = f", {dead:.3f} s of it dead time" if dead > 0.0 else ""
+        lags = f"film {calibration.thermal_time_constant:.3f} s, sensors {sensors:.3f} s{of_which}"
+        numbers.append(("thermal lag", lags))
     if calibration.temperature_reading_deviation > 0.0:
         deviation = 1e3 * calibration.temperature_reading_deviation
         numbers.append(("reading of the temperature sensors", f"+-{deviation:.1f} mK"))

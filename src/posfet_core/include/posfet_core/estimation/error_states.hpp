@@ -37,6 +37,7 @@ struct ErrorPriors {
   double fastest;
   double lag;
   double lag_spread;
+  double dead_share;
   double scale;
   double reading;
   std::array<double, kBends> bend_mean;
@@ -85,7 +86,8 @@ struct SharedTransition {
 /// Transition of the shared states over a block.
 ///
 /// Chip, film and sensors: C' = U, Theta' = (C - Theta)/tau_film, S' = (C - S)/exp(l); the others are constant, but for
-/// a small random walk by which they forget in about an hour.
+/// a small random walk by which they forget in about an hour. How the sensors follow a change of the rate is not quite
+/// known where a part of their lag is a dead time.
 class SharedDynamics {
 public:
   /// Time in which a constant state becomes uncertain again [s].
@@ -103,8 +105,9 @@ public:
   /// Set the variance by which the temperature of chip and film grows in each second [K2/s].
   void set_film_walk(double intensity);
 
-  /// The transition from a state, [states], over a block [s]; overwritten by the next call.
-  SharedTransition& transition(const std::vector<double>& state, double duration);
+  /// The transition from a state, [states], over a block [s], in which the chip warms at a rate beyond that of the state
+  /// [K/s]; overwritten by the next call.
+  SharedTransition& transition(const std::vector<double>& state, double duration, double warming = 0.0);
 
   /// How the shared states change if the rate of the chip temperature changed by 1 K/s some time [s] ago, [states];
   /// overwritten by the next call.
@@ -117,6 +120,7 @@ private:
   double film_lag_;
   double rate_change_;
   double slow_rate_;
+  double dead_share_;
   SquareMatrix noise_;  ///< Of the process, in each second.
   SharedTransition transition_;
   std::vector<double> maneuver_;
