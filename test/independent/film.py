@@ -130,6 +130,8 @@ class Effects:
     """Rise of the chip temperature per force, with a lag of 5 s [K/N]."""
     bending: float = 0.0
     """Charge on every taxel by the bending of the chip, as a force per total force [1]."""
+    bending_dome: float = 0.0
+    """By how much the chip bends more in the middle than on average, and less at the corners, relative [1]."""
     hum: float = 0.0
     """Amplitude of the mains hum [V]."""
     hum_wander: float = 0.0
@@ -254,7 +256,7 @@ class Board:
         set_(self, "_pyroelectric", self.gain * (1.0 + PYROELECTRIC_SPREAD * normal[2]))
         set_(self, "_offset", OFFSET_SPREAD * normal[3])
         set_(self, "_creep", np.maximum(1.0 + CREEP_SPREAD * rng.standard_normal((3, taxels)), 0.0) / 3.0)
-        set_(self, "_bending", gradient)
+        set_(self, "_bending", gradient + self.effects.bending_dome * (1.0 - np.square(place).sum(axis=1)))
         set_(self, "_hum", 1.0 + 0.1 * normal[4])
         set_(self, "_later", 1.0 + self.effects.gain_drift * (one[3] + 0.5 * normal[5]))
         set_(self, "_stuck", int(rng.integers(taxels)))

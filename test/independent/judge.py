@@ -130,6 +130,7 @@ def rows() -> dict[str, Row]:
         "drift_dead_time": row(replace(drift, sensor_lag=0.0, sensor_dead_time=1.0), Limits(2.0)),
         "bending_2": row(Effects(bending=2e-3), Limits(1.0)),
         "bending_8": row(Effects(bending=8e-3), Limits(3.0)),
+        "bending_8_dome": row(Effects(bending=8e-3, bending_dome=0.4), Limits(3.0)),
         "hum": row(Effects(hum=5e-3, hum_wander=0.2), noisy),
         "bursts": row(Effects(bursts=50e-3), noisy),
         "stuck_bit_1": row(Effects(stuck_bit=1), noisy),

@@ -103,6 +103,7 @@ HELD_SLOWLY = (
             "drift_dead_time",
             "bending_2",
             "bending_8",
+            "bending_8_dome",
             "hum",
             "bursts",
             "stuck_bit_1",
@@ -152,6 +153,15 @@ def test_the_model_meets_the_requirements(row: str, scene: str) -> None:
 def test_a_cover_as_in_the_sensor_file_stays_one() -> None:
     _, calibration = calibrated("moderate", BOARD, "gauss")
     np.testing.assert_array_equal(calibration.cover_shares, np.eye(len(calibration.cover_spreads))[0])
+
+
+def test_bending_is_that_of_the_chip_wherever_the_ball_presses() -> None:
+    # Part of a ball over the edge presses beside the array: the load cell shows it, the taxels do not. Counted as a
+    # force on the taxels alone, bending came out 13 % too large, and 20 % in the middle.
+    board, calibration = calibrated("moderate", BOARD, "gauss")
+    size = board.effects.bending
+    assert calibration.bending[0] == pytest.approx(size, rel=0.05)
+    np.testing.assert_allclose(calibration.bending_profile, 1.0, rtol=0, atol=0.06)
 
 
 def test_a_pad_that_follows_another_is_not_taken_for_a_drift_of_the_chip() -> None:

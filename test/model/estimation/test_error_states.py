@@ -273,7 +273,9 @@ def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> N
 def test_bending_that_a_calibration_found_is_expected_and_may_have_changed() -> None:
     priors = ErrorPriors()
     sizes = np.array([8e-3, -1e-3, 0.5e-3, 2e-3])
-    known = priors.with_calibration(calibration(bending=sizes, bending_deviation=np.full(BENDS, 1e-5)))
+    found = calibration(bending=sizes, bending_deviation=np.full(BENDS, 1e-5), bending_profile=np.array([0.7, 1.3]))
+    known = priors.with_calibration(found)
+    assert known.bend_profile == (0.7, 1.3)
     bends = slice(Shared.BEND, Shared.BEND + BENDS)
     np.testing.assert_array_equal(start_mean(known)[bends], sizes)
     assert list(Shared)[bends] == [Shared.BEND, Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]

@@ -254,6 +254,15 @@ def test_bending_acts_on_every_taxel_in_proportion_to_the_total_force() -> None:
     np.testing.assert_allclose(along, np.tile(np.linspace(-1.0, 1.0, 3)[:, None], (1, 4)), rtol=1e-12, atol=1e-15)
 
 
+def test_a_chip_bends_by_the_profile_that_a_calibration_found() -> None:
+    profile = np.linspace(0.6, 1.4, TAXELS)
+    each = TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, replace(PRIORS, bend_profile=tuple(profile)))
+    advance(each, [touch(0.5)])
+    np.testing.assert_allclose(each.matrix()[:, Shared.BEND], profile * touch(0.5).sum(), rtol=1e-12)
+    with pytest.raises(ValueError, match="bend_profile must have one value for each taxel"):
+        TouchResponse(compiled_layout(LAYOUT), TAU, PER_KELVIN, replace(PRIORS, bend_profile=(1.0,)))
+
+
 def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
     """As of a plate: what a force at one taxel does to another, the same force there does to the first."""
 

@@ -49,6 +49,7 @@ class TouchResponse:
         rows, cols = np.divmod(np.arange(taxels), layout.cols)
         self._x = (cols - 0.5 * (layout.cols - 1)) / max(0.5 * (layout.cols - 1), 0.5)
         self._y = (rows - 0.5 * (layout.rows - 1)) / max(0.5 * (layout.rows - 1), 0.5)
+        self._profile = np.array(priors.bend_profile or np.ones(taxels))
         self._tau = time_constant
         self._per_kelvin = newton_per_kelvin
         self._warmth_time, self._warmth_force = priors.warmth_time, priors.warmth_force
@@ -160,7 +161,7 @@ class TouchResponse:
         response[:, Shared.FILM] = self._per_kelvin
         if self.responding:
             total = float(self._force.sum())
-            response[:, Shared.BEND] = total
+            response[:, Shared.BEND] = total * self._profile
             response[:, Shared.BEND_X] = total * self._x
             response[:, Shared.BEND_Y] = total * self._y
             moment_x, moment_y = float(self._force @ self._x), float(self._force @ self._y)

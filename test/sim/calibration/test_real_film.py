@@ -277,6 +277,7 @@ def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path)
         "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
         "temperature_reading_deviation", "temperature_sensor_dead_time",
         "warmth_time_constant", "warmth_force", "warmth_steepness", "bending", "bending_deviation",
+        "bending_profile",
         "hysteresis_half_widths", "hysteresis_weights", "hysteresis_slope",
         "chip_warming_time_constants", "chip_warming",
         "thermal_time_constant", "temperature",

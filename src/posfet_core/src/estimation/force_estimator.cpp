@@ -89,9 +89,9 @@ std::shared_ptr<Belief> make_belief(std::size_t taxels, const ErrorPriors& prior
 
 }  // namespace
 
-ForceEstimator::ForceEstimator(EstimatedArray array, const ErrorPriors& priors)
+ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
     : array_(checked(std::move(array))),
-      priors_(priors),
+      priors_(std::move(priors)),
       integration_(make_integration(array_)),
       dynamics_(priors_, array_.film_lag),
       filter_(make_belief(taxels(), priors_)),

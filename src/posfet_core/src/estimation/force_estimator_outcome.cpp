@@ -97,7 +97,6 @@ void ForceEstimator::set_covariance(const Block& block) {
     }
   }
   filter_.shared_variance(sensitivity_.data(), shared_variance.data());
-  const double differs = object_deviation();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double held = touched_[taxel] ? std::max(s.force[taxel], 0.0) : 0.0;
     s.held[taxel] = held;
@@ -109,7 +108,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     factor[kSharedStates] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
     factor[kSharedStates + 1] = array_.newton_per_kelvin[taxel] * unconfirmed_;
     factor[kSharedStates + 2] = absorbed_.values()[taxel] + hidden_.values()[taxel];
-    factor[kOfObject] = touched_[taxel] ? array_.newton_per_kelvin[taxel] * touch_.warm()[taxel] * differs : 0.0;
+    factor[kOfObject] = object_deviation(taxel);
     factor[kSharedStates + 4] = lost;
     // The covariance without the responses to the touch itself, and without what the taxel's own response to a
     // temperature contributes, which grows during a touch only.
@@ -125,12 +124,16 @@ void ForceEstimator::set_covariance(const Block& block) {
   }
 }
 
-/// By how much the warmth of what touches now may differ from that of other objects [K], beyond what is unknown of that.
-/// It counts in the deviation only: as a state, each object would teach the filter anew, and all that is wrong with the
-/// shape of what it warms.
-double ForceEstimator::object_deviation() const {
+/// Deviation of a force by what the warmth of the object that touches may differ from that of others [N], beyond what
+/// is unknown of that. It counts in the covariance only: as a state, each object would teach the filter anew, and all
+/// that is wrong with the shape of what it warms.
+double ForceEstimator::object_deviation(std::size_t taxel) const {
+  if (!touched_[taxel]) {
+    return 0.0;
+  }
   const double differs = priors_.warmth_least + priors_.warmth_spread * std::abs(belief()->shared[kWarmth]);
-  return std::sqrt(std::max(square(differs) - belief()->variance(kWarmth), 0.0));
+  const double unknown = std::sqrt(std::max(square(differs) - belief()->variance(kWarmth), 0.0));
+  return array_.newton_per_kelvin[taxel] * touch_.warm()[taxel] * unknown;
 }
 
 /// Whether the forces are valid at the end of a block.

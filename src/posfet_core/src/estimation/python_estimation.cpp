@@ -502,6 +502,7 @@ ErrorPriors priors_from(const py::object& priors) {
   found.loop_weights = priors.attr("loop_weights").cast<std::array<double, kLoops>>();
   found.bend_mean = priors.attr("bend_mean").cast<std::array<double, kBends>>();
   found.bend = priors.attr("bend").cast<std::array<double, kBends>>();
+  found.bend_profile = priors.attr("bend_profile").cast<std::vector<double>>();
   for (const auto& [name, member] : kValues) {
     found.*member = priors.attr(name).cast<double>();
   }

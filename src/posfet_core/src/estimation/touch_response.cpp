@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 #include <utility>
 
 #include "posfet_core/numbers.hpp"
@@ -46,6 +47,10 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
   for (Taxel taxel = 0; taxel < layout.rows * layout.cols; ++taxel) {
     x_.push_back(place(taxel % layout.cols, layout.cols));
     y_.push_back(place(taxel / layout.cols, layout.rows));
+  }
+  profile_ = priors.bend_profile.empty() ? std::vector<double>(x_.size(), 1.0) : priors.bend_profile;
+  if (profile_.size() != x_.size()) {
+    throw std::invalid_argument("bend_profile must have one value for each taxel, or none");
   }
   reset();
 }
@@ -135,7 +140,7 @@ void TouchResponse::matrix(std::vector<double>& response) const {
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
     double* row = response.data() + taxel * kSharedStates;
     row[kFilm] = per_kelvin_[taxel];
-    row[kBend] = total;
+    row[kBend] = total * profile_[taxel];
     row[kBendX] = total * x_[taxel];
     row[kBendY] = total * y_[taxel];
     row[kBendMoment] = moment_x * x_[taxel] + moment_y * y_[taxel];

@@ -90,6 +90,8 @@ class Recording:
     """Mean of the chip's temperature sensors [degC], shape [scans]."""
     force: Array
     """Force on each taxel [N], shape [scans, rows * cols]."""
+    applied: Array | None = None
+    """Force of all that presses, also beside the array [N], shape [scans]; None: that on the taxels."""
     force_under: Callable[[float, Array], Array] | None = None
     """Force on each taxel [N] under a cover that spreads so many times as far as that of the sensor file, at times [s],
     shape [times, rows * cols]; None: the force on each taxel is known whatever the cover."""
@@ -154,6 +156,7 @@ class BenchSignals:
             for values in (recording.time - recording.time[0], signal, recording.force, recording.temperature)
         )
         self.size = block_size(self.time)
+        self._applied = None if recording.applied is None else block_means(recording.applied, self.thinning)
         self.neighbours = [list(each) for each in neighbour_lists(sensor.layout, EDGE_NEIGHBOURS)]
         self.hold = _long_hold(self.time, force)
         parts = [force]
@@ -188,9 +191,10 @@ class BenchSignals:
         if self.hold is not None:
             held = touched[(self.time >= self.hold[0]) & (self.time <= self.hold[1])].any(axis=0)
             self.near_force |= self.during_hold(self.time)[:, None] & held
-        self.bending_sources = BendingSources(
-            self.sensor.layout, self.time, force, self.sensor.device.thermal_time_constant
-        )
+        total = force.sum(axis=1)
+        beside = np.maximum((total if self._applied is None else self._applied) - total, 0.0)
+        lag = self.sensor.device.thermal_time_constant
+        self.bending_sources = BendingSources(self.sensor.layout, self.time, force, beside, lag)
 
     def compensate(self, crosstalk: float) -> None:
         """Compensate the signals for crosstalk.

@@ -10,7 +10,11 @@
 With the place (x, y) of a taxel, from -1 to 1 at the edges of the array, and forces F_i at (x_i, y_i), the charge is
 that of a force::
 
-    B*sum(F_i) + (B_x*x + B_y*y)*sum(F_i) + B_m*(x*sum(F_i*x_i) + y*sum(F_i*y_i))
+    p*B*sum(F_i) + (B_x*x + B_y*y)*sum(F_i) + B_m*(x*sum(F_i*x_i) + y*sum(F_i*y_i))
+
+The profile p of the taxels, which is 1 on average, is that of the chip on its mount: a chip that is held at its edges
+bends most in the middle. What presses beside the array may bend the chip, too; that is a source of its own, as no force
+of a taxel is known to do so in use.
 
 Fitted to differences of consecutive blocks, in which temperatures hardly change while a press rises or falls. What the
 recording does not show stays 0, with the deviation of an uncalibrated sensor.
@@ -21,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -31,6 +36,12 @@ from posfet_model.calibration.leaky_response import low_pass
 from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION
 from posfet_model.sensor.description import Layout
 
+PROFILE_PRIOR: Final = 0.5
+"""Standard deviation of a taxel's part p of the bending [1], and"""
+
+LEAST_BENDING: Final = 0.5e-3
+"""bending below which it is not told from other causes [1]; both assumed."""
+
 SLOW: Final = (0.1, 1.0, 10.0)
 """Time constants with which an object warms the chip, and the film charges all taxels [s]."""
 
@@ -40,7 +51,12 @@ SLOW_DEVIATION: Final = 0.1
 CROSSTALK_DEVIATION: Final = 0.02
 """Standard deviation of the crosstalk that is left after its compensation [1], assumed."""
 
-PRIOR_DEVIATIONS: Final = (*NOMINAL_BENDING_DEVIATION, *(SLOW_DEVIATION for _ in SLOW), CROSSTALK_DEVIATION)
+PRIOR_DEVIATIONS: Final = (
+    *NOMINAL_BENDING_DEVIATION,
+    *(SLOW_DEVIATION for _ in SLOW),
+    NOMINAL_BENDING_DEVIATION[0],  # of what presses beside the array
+    CROSSTALK_DEVIATION,
+)
 """Standard deviations of the sizes of all sources [1]."""
 
 
@@ -54,28 +70,31 @@ class BendingFit:
     """Their standard deviations [1], shape [4]."""
     warming: Array
     """By how much an object warms the chip with each of `SLOW`, per total force [K/N], shape [3]."""
+    profile: Array
+    """Part p of each of the taxels that were given in the bending [1], shape [taxels]."""
 
 
 class BendingSources:
     """Forces of a recording as the sources of what an untouched taxel shows."""
 
-    def __init__(self, layout: Layout, time: Array, force: Array, film_lag: float) -> None:
-        """Take times [s], shape [scans], forces [N], shape [scans, taxels], and the film's lag behind the chip [s]."""
+    def __init__(self, layout: Layout, time: Array, force: Array, beside: Array, film_lag: float) -> None:
+        """Take times [s] and forces on the taxels and beside them [N], one row per scan, and the film's lag [s]."""
         row, col = np.divmod(np.arange(layout.taxels), layout.cols)
         self._places = np.stack([np.ones(layout.taxels), _places(col, layout.cols), _places(row, layout.rows)])
         self._total, *self._moments = self._places @ force.T
+        self._beside = beside
         self._slow = [low_pass(time, low_pass(time, self._total, pole), film_lag) for pole in SLOW]
 
-    def of_bending(self, taxel: int) -> Array:
-        """Return the sources of bending [N], shape [scans, 4]."""
+    def of_bending(self, taxel: int, part: float = 1.0) -> Array:
+        """Return the sources of bending of a taxel with its part p of it [N], shape [scans, 4]."""
         _, x, y = self._places[:, taxel]
         moment = self._moments[0] * x + self._moments[1] * y
-        return np.stack([self._total, self._total * x, self._total * y, moment], axis=1)
+        return np.stack([part * self._total, self._total * x, self._total * y, moment], axis=1)
 
     def of_all(self, taxel: int, newton_per_kelvin: float, neighbours: Array) -> Array:
-        """Return the sources of bending, the chip's warmth and the neighbours [N, N2/K, N], shape [scans, sources]."""
+        """Return the sources of what an untouched taxel shows [N, N2/K], as in `PRIOR_DEVIATIONS`, a row per scan."""
         slow = [newton_per_kelvin * each for each in self._slow]
-        return np.column_stack([self.of_bending(taxel), *slow, neighbours])
+        return np.column_stack([self.of_bending(taxel), *slow, self._beside, neighbours])
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +126,14 @@ def fit_bending(taxels: Iterable[UntouchedTaxel]) -> BendingFit:
     """
     sources = len(PRIOR_DEVIATIONS)
     rows, values, blocks = [np.zeros((0, sources))], [np.zeros(0)], [np.zeros(0, np.intp)]
+    ends = [0]
     for each in taxels:
         used = np.flatnonzero(each.used[1:] & each.used[:-1])
         weight = 1.0 / (math.sqrt(2.0) * each.noise)
         rows.append(weight * np.diff(each.sources, axis=0)[used])
         values.append(weight * np.diff(each.charge)[used])
         blocks.append(used)
+        ends.append(ends[-1] + len(used))
     system, value, block = np.concatenate(rows), np.concatenate(values), np.concatenate(blocks)
     prior = np.diag(np.square(PRIOR_DEVIATIONS) ** -1.0)
     information, moment = np.einsum("ij,ik->jk", system, system), np.einsum("ij,i->j", system, value)
@@ -122,7 +143,17 @@ def fit_bending(taxels: Iterable[UntouchedTaxel]) -> BendingFit:
     scatter = max(1.0, float(np.sum(np.square(scores[:4]))) / max(float(np.trace(information[:4, :4])), 1e-9))
     covariance: Array = np.linalg.inv(information / scatter + prior)
     sizes: Array = (covariance @ moment) / scatter
-    return BendingFit(sizes[:4], np.sqrt(np.diag(covariance))[:4], sizes[4:-1])
+    left = value - system @ sizes
+    parts = [slice(*each) for each in pairwise(ends)]
+    profile = np.array([_part_of(system[each, 0], left[each], float(sizes[0]), scatter) for each in parts])
+    return BendingFit(sizes[:4], np.sqrt(np.diag(covariance))[:4], sizes[4 : 4 + len(SLOW)], profile)
+
+
+def _part_of(total: Array, left: Array, size: float, scatter: float) -> float:
+    """Return the part p of a taxel in a bending B, from what that leaves of its charge for the total force."""
+    prior = scatter / (PROFILE_PRIOR**2 * (size**2 + LEAST_BENDING**2))
+    differs = float(total @ left) / (float(total @ total) + prior)
+    return 1.0 + differs * size / (size**2 + LEAST_BENDING**2)
 
 
 def _places(index: NDArray[np.intp], count: int) -> Array:

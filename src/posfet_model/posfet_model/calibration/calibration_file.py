@@ -110,6 +110,8 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "sizes_mN_per_N": _rounded(calibration.bending * 1e3),
             "deviations_mN_per_N": _rounded(calibration.bending_deviation * 1e3),
         }
+        if len(calibration.bending_profile):
+            document["bending"]["profile"] = _rounded(calibration.bending_profile)
     if len(calibration.cover_shares):
         document["cover"] = {
             "spreads_mm": _rounded(calibration.cover_spreads * 1e3),
@@ -280,6 +282,9 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
             bending=np.array(bending.numbers("sizes_mN_per_N", 4, -1000.0, 1000.0)) * 1e-3,
             bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
         )
+        if "profile" in bending:
+            profile = np.array(bending.numbers("profile", count, -100.0, 100.0))
+            calibration = replace(calibration, bending_profile=profile)
         bending.end()
     if "cover" in top:
         cover = top.section("cover")

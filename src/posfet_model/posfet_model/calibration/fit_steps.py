@@ -103,6 +103,8 @@ class FitSteps:
         Median time constant of the leakage [s].
     bending : ndarray
         Bending of the chip [1], shape [4].
+    profile : ndarray
+        Part of each taxel in it [1], shape [taxels].
     newton_per_kelvin : float
         Pyroelectric signal [N/K].
     warmth_time : float
@@ -121,7 +123,7 @@ class FitSteps:
         self.shares = np.ones(bench.taxels)
         self.offsets = np.array([np.median(presses.taxels[taxel].offsets) for taxel in range(bench.taxels)])
         self.time_constant = bench.sensor.device.leak_time_constant
-        self.bending = np.zeros(4)
+        self.bending, self.profile = np.zeros(4), np.ones(bench.taxels)
         self.newton_per_kelvin = bench.sensor.device.pyroelectric_coefficient / charge_per_newton(bench.sensor)
         self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
         self.warmth_force = NOMINAL_WARMTH_FORCE
@@ -165,6 +167,7 @@ class FitSteps:
             )
         bending = fit_bending(taxels)
         self.bending = bending.sizes
+        self.profile[self.alive] = bending.profile
         return bending
 
     def find_common_mode(self, fitted: ResponseFit) -> None:
@@ -378,7 +381,7 @@ class FitSteps:
         return at_once + self._slow_charge(taxel, found.gain, fitted) + self._charge_of_bending(taxel, found.gain)
 
     def _charge_of_bending(self, taxel: int, gain: float) -> Array:
-        charge: Array = gain * (self.bench.bending_sources.of_bending(taxel) @ self.bending)
+        charge: Array = gain * (self.bench.bending_sources.of_bending(taxel, self.profile[taxel]) @ self.bending)
         return charge
 
     def _slow_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:

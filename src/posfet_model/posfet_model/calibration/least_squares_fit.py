@@ -209,6 +209,7 @@ def _calibration(
         warmth_steepness=steps.warmth_steepness,
         bending=bending.sizes,
         bending_deviation=bending.deviations,
+        bending_profile=steps.profile,
         cover_spreads=spreads,
         cover_shares=bench.cover[: len(spreads)],
         chip_warming_time_constants=np.array(SLOW),

@@ -149,6 +149,8 @@ class Calibration:
     the chip bends around the place that is pressed [1], shape [4]; empty: not in the file."""
     bending_deviation: Array = field(default_factory=_none)
     """Standard deviations of `bending` [1], as wide as without a calibration where the recording does not show it."""
+    bending_profile: Array = field(default_factory=_none)
+    """Part of each taxel in the first of `bending`, relative to their mean [1], shape [taxels]; empty: all the same."""
     cover_spreads: Array = field(default_factory=_none)
     """Standard deviations of the Gaussians as whose mixture the cover spreads a load [m], shape [parts], the first one
     that of the sensor file; empty: not in the file."""

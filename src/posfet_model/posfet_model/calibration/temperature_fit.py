@@ -118,10 +118,10 @@ def fit_temperature(
     """
     charge = high_pass(time, common, time_constant) / time_constant
     nothing, unseen = np.zeros(len(time)), np.zeros(len(time))
+    shares = [_best(time, temperature, common, nothing, film_lag, share) for share in DEAD_SHARES]
+    share = min(shares, key=lambda each: float(np.square(each.residuals).sum())).dead_share
     parts = time[changing], temperature[changing], common[changing]
-    shares = [_best(*parts, nothing[changing], film_lag, share) for share in DEAD_SHARES]
-    found = min(shares, key=lambda each: float(np.square(each.residuals).sum()))
-    share = found.dead_share
+    found = _best(*parts, nothing[changing], film_lag, share)
     start = temperature[changing][0] - common[changing][0] / found.newton_per_kelvin
     for _ in range(ROUNDS):
         # The film is its own thermometer, which the sensors lag behind.
@@ -156,7 +156,7 @@ def _at(
     time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, lag: float, dead_share: float
 ) -> TemperatureFit:
     """Return the fit for a given lag: ``film = a + b*t - c*unseen + p*temperature``, the faster one delayed."""
-    elapsed = time - time[0]
+    elapsed, temperature = time - time[0], temperature - temperature[0]
     columns = np.stack([np.ones(len(time)), elapsed, -unseen, temperature], axis=1)
     if lag >= 0.0:
         columns[:, 3] = low_pass(time, temperature, lag)

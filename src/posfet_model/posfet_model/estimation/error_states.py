@@ -133,6 +133,8 @@ class ErrorPriors:
     moment, expected [1], and"""
     bend: tuple[float, ...] = NOMINAL_BENDING_DEVIATION
     """their standard deviations [1]."""
+    bend_profile: tuple[float, ...] = ()
+    """Part of each taxel in the first of them [1]; empty: all the same."""
     bend_mounted: tuple[float, ...] = (1e-3, 0.5e-3, 0.5e-3, 0.5e-3)
     """The least of them with calibration [1], as the chip is mounted otherwise on its calibration rig, and"""
     bend_share: float = 0.25
@@ -240,6 +242,7 @@ class ErrorPriors:
             sizes, deviations = calibration.bending.tolist(), calibration.bending_deviation.tolist()
             change = self.bend_share * max(map(abs, sizes))
             found["bend_mean"] = tuple(sizes)
+            found["bend_profile"] = tuple(calibration.bending_profile.tolist())
             found["bend"] = tuple(
                 math.hypot(deviation, change, least)
                 for deviation, least in zip(deviations, self.bend_mounted, strict=True)

@@ -284,7 +284,8 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
         spread = ratio * sensor.device.contact_spread
         return _forces(replace(sensor, device=replace(sensor.device, contact_spread=spread)), at, aligned, ball)
 
-    return Recording(time, scans.counts, scans.temperature, force_under(1.0, time), force_under), late
+    applied = np.interp(time, aligned.times, aligned.values[2])
+    return Recording(time, scans.counts, scans.temperature, force_under(1.0, time), applied, force_under), late
 
 
 def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:

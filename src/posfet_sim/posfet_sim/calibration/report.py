@@ -157,6 +157,8 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
             strict=False,
         )
     ]
+    if sizes and len(profile := calibration.bending_profile):
+        sizes.append(f"{profile.min():.2f} to {profile.max():.2f} times the first one on the taxels")
     numbers.append(("bending of the chip", ", ".join(sizes) or "not in the file"))
     if calibration.residuals is not None:
         after, before = calibration.residuals.force_rms, calibration.residuals.force_rms_before

@@ -42,6 +42,7 @@ struct ErrorPriors {
   double reading;
   std::array<double, kBends> bend_mean;
   std::array<double, kBends> bend;
+  std::vector<double> bend_profile;  ///< Part of each taxel in the first of them [1]; empty: all the same.
   double leak;
   double tail;
   double tail_spread;
@@ -105,8 +106,8 @@ public:
   /// Set the variance by which the temperature of chip and film grows in each second [K2/s].
   void set_film_walk(double intensity);
 
-  /// The transition from a state, [states], over a block [s], in which the chip warms at a rate beyond that of the state
-  /// [K/s]; overwritten by the next call.
+  /// The transition from a state, [states], over a block [s], in which the chip warms at a rate beyond that of the
+  /// state [K/s]; overwritten by the next call.
   SharedTransition& transition(const std::vector<double>& state, double duration, double warming = 0.0);
 
   /// How the shared states change if the rate of the chip temperature changed by 1 K/s some time [s] ago, [states];

@@ -87,7 +87,7 @@ struct EstimatedArray {
 class ForceEstimator {
 public:
   /// Throws std::invalid_argument where the array is none, or values are missing.
-  ForceEstimator(EstimatedArray array, const ErrorPriors& priors);
+  ForceEstimator(EstimatedArray array, ErrorPriors priors);
 
   ~ForceEstimator() = default;
   ForceEstimator(const ForceEstimator&) = delete;
@@ -282,7 +282,7 @@ private:
   void set_covariance(const Block& block);
   bool is_valid(double duration);
   bool may_be_hot() const;
-  double object_deviation() const;
+  double object_deviation(std::size_t taxel) const;
   double total_deviation(const TaxelFlags& counted) const;
   bool is_certain(const TaxelFlags& counted, double deviation) const;
   void confirm_offsets(double duration);

@@ -23,6 +23,7 @@ namespace posfet {
 class TouchResponse {
 public:
   /// Leakage time constants [s] and pyroelectric signals [N/K] of each taxel; time constants of creep and warmth.
+  /// Throws std::invalid_argument where the bending has a part for another number of taxels.
   TouchResponse(const Layout& layout, std::vector<double> time_constant, std::vector<double> newton_per_kelvin,
                 const ErrorPriors& priors);
 
@@ -70,6 +71,7 @@ private:
 
   std::vector<double> x_;  ///< Position, from -1 to 1 at the edges of the array.
   std::vector<double> y_;
+  std::vector<double> profile_;  ///< Part of each taxel in the bending [1].
   std::vector<double> tau_;
   std::vector<double> per_kelvin_;
   double warmth_time_;
