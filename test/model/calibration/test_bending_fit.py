@@ -154,3 +154,10 @@ def test_a_bending_that_no_chip_has_is_refused_with_its_name(part: int, sign: fl
     check_bending(BendingFit(sizes, np.zeros(4), np.zeros(3), np.ones(TAXELS)))
     with pytest.raises(FitError, match=r"^bending: must be within .* got "):
         check_bending(BendingFit(2.0 * sizes, np.zeros(4), np.zeros(3), np.ones(TAXELS)))
+
+
+def test_a_part_in_it_that_no_taxel_has_is_refused() -> None:
+    profile = np.ones(TAXELS)
+    profile[3] = 5.0
+    with pytest.raises(FitError, match=r"^bending: must be within .* got 50:"):
+        check_bending(BendingFit(np.array([0.01, 0.0, 0.0, 0.0]), np.zeros(4), np.zeros(3), profile))

@@ -216,7 +216,8 @@ def check_bending(bending: BendingFit) -> None:
     FitError
         It is out of range.
     """
-    largest = float(bending.sizes[np.argmax(np.abs(bending.sizes))])
+    sizes = np.append(bending.sizes, bending.sizes[0] * bending.profile)
+    largest = float(sizes[np.argmax(np.abs(sizes))])
     if abs(largest) > MAX_BENDING:
         raise FitError(
             f"bending: must be within +-{MAX_BENDING * 1e3:g} mN per newton on every taxel, got {largest * 1e3:.3g}: "
