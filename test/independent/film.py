@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, TypeAlias
+from typing import ClassVar, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,6 +231,9 @@ class Recording:
 class Board:
     """One array with its readout board: properties that stay from calibration to use."""
 
+    creep_times: ClassVar[tuple[float, ...]] = CREEP_TIMES
+    """Time constants of creep [s]."""
+
     sensor: Sensor
     """Sensor file."""
     effects: Effects
@@ -345,9 +348,9 @@ class Board:
             charge += 0.5 * effects.nonlinearity * force**2
         if effects.hysteresis:
             sizes = np.array(PLAY_SIZES) * self.sensor.device.force_max
-            charge += play(force, sizes, np.full(len(sizes), effects.hysteresis / _opening(sizes)))
+            charge += play(force, sizes, np.full(len(sizes), effects.hysteresis / opening(sizes)))
         if effects.creep:
-            for share, time in zip(self._creep, CREEP_TIMES, strict=True):
+            for share, time in zip(self._creep, self.creep_times, strict=True):
                 charge += effects.creep * share * low_pass(force, np.full(force.shape[1], time), step)
         if effects.bending:
             charge += effects.bending * applied[:, None] * self._bending
@@ -540,8 +543,14 @@ def play(force: Array, half_widths: Array, weights: Array) -> Array:
     return result
 
 
-def _opening(half_widths: Array) -> float:
-    """Return the opening of the widest loop from 0 to a force and back, relative to it, for weights of 1 [1]."""
+def opening(half_widths: Array) -> float:
+    """Return the opening of the widest loop from 0 to a force and back, relative to it [1].
+
+    Parameters
+    ----------
+    half_widths : ndarray of float64, shape [operators]
+        Half widths of play operators with weights of 1 [N].
+    """
     widest = 0.0
     for top in PLAY_TEST:
         # On the way down an operator has passed from F - r to F + r, if the loop is wide enough.

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from independent.contacts import COVERS, CoverName, Scene, scenes
 from independent.film import HARD, MODERATE, Array, Board, Effects, Load, Recording
+from independent.other_laws import LAWS
 from independent.stand import calibration_of
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.tracker import ContactState
@@ -422,6 +423,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--cover", nargs="+", choices=COVERS, default=["gauss"], help="covers (default: gauss)")
     parser.add_argument("--boards", nargs="+", type=int, default=[1], help="numbers of the boards (default: 1)")
     parser.add_argument("--rows", nargs="+", choices=list(cases), default=list(cases), help="rows (default: all)")
+    parser.add_argument("--law", choices=list(LAWS), default="film", help="other laws than those of the plant")
     parser.add_argument("--scenes", nargs="+", choices=list(scenes()), help="scenes (default: those of each row)")
     parser.add_argument("--calibrations", type=Path, help="folder in which calibrations are kept")
     parser.add_argument("--nominal", action="store_true", help="without calibration")
@@ -432,7 +434,7 @@ def main(words: Sequence[str] | None = None) -> int:
         for name in options.rows:
             case = cases[name]
             for number in options.boards:
-                board = Board(sensor, case.effects, number)
+                board = LAWS[options.law](sensor, case.effects, number)
                 try:
                     calibration = None if options.nominal else calibration_of(board, cover, options.calibrations)
                 except ValueError as error:

@@ -178,7 +178,8 @@ def calibration_of(board: Board, cover: CoverName, folder: Path | None = None) -
     """
     if folder is None:
         return calibrate(board, cover)
-    file = folder / f"{cover}-{board.seed}-{_name(board.effects)}.yaml"
+    law = "" if type(board) is Board else f"{type(board).__name__}-"
+    file = folder / f"{cover}-{board.seed}-{law}{_name(board.effects)}.yaml"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
         save_calibration(file, board.sensor, calibrate(board, cover))
