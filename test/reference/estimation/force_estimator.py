@@ -1452,7 +1452,7 @@ class ForceEstimator:
     def _object_deviation(self) -> float:
         """Return by how much the warmth of an object may differ from that of others, beyond what is unknown of it [K].
 
-        It counts in the deviation only: as a state, each object would teach the filter anew.
+        It counts in the deviation only: as a state, it would make the common warmth follow each object.
         """
         shared, p = int(Shared.WARMTH), self._priors
         differs = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[shared]))

@@ -125,8 +125,8 @@ void ForceEstimator::set_covariance(const Block& block) {
 }
 
 /// Deviation of a force by what the warmth of the object that touches may differ from that of others [N], beyond what
-/// is unknown of that. It counts in the covariance only: as a state, each object would teach the filter anew, and all
-/// that is wrong with the shape of what it warms.
+/// is unknown of that. It counts in the covariance only: as a state, it would make the common warmth follow each
+/// object, and all that is wrong with the assumed thermal contact.
 double ForceEstimator::object_deviation(std::size_t taxel) const {
   if (!touched_[taxel]) {
     return 0.0;
