@@ -233,6 +233,8 @@ class Board:
 
     creep_times: ClassVar[tuple[float, ...]] = CREEP_TIMES
     """Time constants of creep [s]."""
+    telegraph_dwells: ClassVar[tuple[float, float]] = (0.05, 1.0)
+    """Shortest and longest time for which a level of telegraph noise lasts [s]."""
 
     sensor: Sensor
     """Sensor file."""
@@ -362,12 +364,16 @@ class Board:
         per_kelvin = device.pyroelectric_coefficient * self.sensor.layout.taxel_area / -device.piezoelectric_coefficient
         film = low_pass(chip[:, None], np.array([device.thermal_time_constant]), step)
         if self.effects.warmth and (self.effects.warmth_on_stand or not on_stand):
-            step_at, saturating = self.effects.warmth_step, -np.expm1(-force / self.effects.warmth_force)
-            contact = np.where(force >= step_at, 1.0, 0.0) if step_at else saturating
+            contact = self._thermal_contact(force)
             if self.effects.warmth_spread and not on_stand:
                 contact *= self._object_warmth(force)[:, None]
             film = film + low_pass(self.effects.warmth * contact, np.full(force.shape[1], WARMTH_TIME), step)
         return per_kelvin * self._pyroelectric * film
+
+    def _thermal_contact(self, force: Array) -> Array:
+        """Return the share of its warmth that each taxel has [1], shape [scans, taxels]."""
+        step_at, saturating = self.effects.warmth_step, -np.expm1(-force / self.effects.warmth_force)
+        return np.where(force >= step_at, 1.0, 0.0) if step_at else saturating
 
     def _object_warmth(self, force: Array) -> Array:
         """Return the warmth of the object that touches, relative to that of the others [1], shape [scans]."""
@@ -418,7 +424,8 @@ class Board:
             signs = rng.choice([-1.0, 1.0], len(struck))[:, None]
             added[struck] += effects.bursts * signs * (1.0 + 0.3 * rng.standard_normal((len(struck), taxels)))
         if effects.telegraph:
-            dwells = np.exp(rng.uniform(math.log(0.05), math.log(1.0), int(scans * step / 0.05) + 2))
+            shortest, longest = self.telegraph_dwells
+            dwells = np.exp(rng.uniform(math.log(shortest), math.log(longest), int(scans * step / shortest) + 2))
             level = np.searchsorted(np.cumsum(dwells), time) % 2
             added[:, self._telegraph] += effects.telegraph * level
         return added

@@ -13,14 +13,13 @@ takes in its place is assumed. ``python -m independent.judge --law NAME`` judges
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from independent.film import CREEP_TIMES, WARMTH_TIME, Array, Board, low_pass, opening, play
+from independent.film import Array, Board, low_pass, opening, play
 
 
 class CreepOfTenSeconds(Board):
@@ -37,8 +36,8 @@ class CreepOfTheCover(Board):
         distance = np.hypot(*(self.sensor.layout.positions[:, None] - self.sensor.layout.positions).T)
         spread = np.exp(-np.square(distance / (0.7 * self.sensor.layout.pitch_x)))
         wide = force @ (spread / spread.sum(axis=0))
-        for time in CREEP_TIMES:
-            share = self.effects.creep / len(CREEP_TIMES)
+        share = self.effects.creep / len(self.creep_times)
+        for time in self.creep_times:
             charge += share * low_pass(wide, np.full(force.shape[1], time), step)
         return charge
 
@@ -88,26 +87,18 @@ class SensorsInTwoStages(Board):
 class ConductingFilm(Board):
     """Half of the warmth of a taxel is its own, the rest that of its four neighbours."""
 
-    def _pyroelectric_charge(self, force: Array, chip: Array, on_stand: bool, step: float) -> Array:
-        charge = _without(self, warmth=0.0)._pyroelectric_charge(force, chip, on_stand, step)
-        device, positions = self.sensor.device, self.sensor.layout.positions
+    def _thermal_contact(self, force: Array) -> Array:
+        positions = self.sensor.layout.positions
         distance = np.hypot(*(positions[:, None] - positions).T) / self.sensor.layout.pitch_x
         conducted = 0.5 * np.eye(len(positions)) + 0.125 * (np.abs(distance - 1.0) < 0.1)
-        contact = -np.expm1(-force / self.effects.warmth_force) @ (conducted / conducted.sum(axis=0))
-        warmth = low_pass(self.effects.warmth * contact, np.full(force.shape[1], WARMTH_TIME), step)
-        per_kelvin = device.pyroelectric_coefficient * self.sensor.layout.taxel_area / -device.piezoelectric_coefficient
-        return charge + per_kelvin * self._pyroelectric * warmth
+        shared: Array = super()._thermal_contact(force) @ (conducted / conducted.sum(axis=0))
+        return shared
 
 
 class RareTelegraphNoise(Board):
     """The levels of telegraph noise last for 1 to 20 s, in place of 0.05 to 1 s."""
 
-    def _electronics(self, scans: int, step: float, rng: np.random.Generator) -> Array:
-        added = _without(self, telegraph=0.0)._electronics(scans, step, rng)
-        dwells = np.exp(rng.uniform(0.0, math.log(20.0), int(scans * step) + 2))
-        level = np.searchsorted(np.cumsum(dwells), step * np.arange(scans)) % 2
-        added[:, self.telegraph_taxel] += self.effects.telegraph * level
-        return added
+    telegraph_dwells: ClassVar[tuple[float, float]] = (1.0, 20.0)
 
 
 LAWS: Final[dict[str, type[Board]]] = {

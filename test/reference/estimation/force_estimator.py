@@ -1331,7 +1331,7 @@ class ForceEstimator:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
         p, touch = self._priors, self._touch
         warmth = abs(float(self.belief.shared[Shared.WARMTH]))
-        own = (p.warmth_least + p.warmth_spread * warmth) * touch.warm
+        own = self._warmth_difference() * touch.warm
         contact = p.warmth_contact * warmth * touch.range
         variance: Array = self._per_kelvin**2 * (own**2 + contact**2)
         return variance
@@ -1454,9 +1454,12 @@ class ForceEstimator:
 
         It counts in the deviation only: as a state, it would make the common warmth follow each object.
         """
-        shared, p = int(Shared.WARMTH), self._priors
-        differs = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[shared]))
-        return math.sqrt(max(differs**2 - float(self.belief.covariance[shared, shared]), 0.0))
+        known = float(self.belief.covariance[Shared.WARMTH, Shared.WARMTH])
+        return math.sqrt(max(self._warmth_difference() ** 2 - known, 0.0))
+
+    def _warmth_difference(self) -> float:
+        """Return by how much one taxel, or one object, differs in warmth from others [K]."""
+        return self._priors.warmth_least + self._priors.warmth_spread * abs(float(self.belief.shared[Shared.WARMTH]))
 
     def _follow_hidden(self, block: Block, absorbed: Array) -> None:
         """Follow what the warmth of an object may hide of a touch that no contact lists yet.

@@ -151,10 +151,15 @@ double ForceEstimator::offset(std::size_t taxel) const {
   return b.error_of(taxel)[kOffset] + array_.time_constant[taxel] * b.shared[kDrift];
 }
 
+/// By how much one taxel, or one object, differs in warmth from others [K].
+double ForceEstimator::warmth_difference() const {
+  return priors_.warmth_least + priors_.warmth_spread * std::abs(belief()->shared[kWarmth]);
+}
+
 /// Variance of the warmth of a taxel about the common one, as a force [N2].
 double ForceEstimator::warmth_variance(std::size_t taxel) const {
   const double warmth = std::abs(belief()->shared[kWarmth]);
-  const double own = (priors_.warmth_least + priors_.warmth_spread * warmth) * touch_.warm()[taxel];
+  const double own = warmth_difference() * touch_.warm()[taxel];
   const double contact = priors_.warmth_contact * warmth * touch_.range()[taxel];
   return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }

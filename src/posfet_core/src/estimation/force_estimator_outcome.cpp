@@ -131,8 +131,7 @@ double ForceEstimator::object_deviation(std::size_t taxel) const {
   if (!touched_[taxel]) {
     return 0.0;
   }
-  const double differs = priors_.warmth_least + priors_.warmth_spread * std::abs(belief()->shared[kWarmth]);
-  const double unknown = std::sqrt(std::max(square(differs) - belief()->variance(kWarmth), 0.0));
+  const double unknown = std::sqrt(std::max(square(warmth_difference()) - belief()->variance(kWarmth), 0.0));
   return array_.newton_per_kelvin[taxel] * touch_.warm()[taxel] * unknown;
 }
 

@@ -201,6 +201,7 @@ private:
   double mean_per_kelvin() const { return integration_->mean_newton_per_kelvin(); }
   double negligible() const { return integration_->limits().negligible; }
   double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
+  double warmth_difference() const;
   double warmth_variance(std::size_t taxel) const;
   double whole_variance(std::size_t taxel) const;
   double tail_spread() const;
