@@ -31,6 +31,15 @@ LastBlocks::LastBlocks(std::size_t taxels, const TouchResponse& touch) {
   }
 }
 
+Vector<double> LastBlocks::times() const {
+  Vector<double> times(size_);
+  double time = 0.0;
+  for (std::size_t index = 0; index < size_; ++index) {
+    times[index] = time += (*this)[index].span;
+  }
+  return times;
+}
+
 void LastBlocks::push() {
   if (full()) {
     first_ = (first_ + 1) % places_.size();

@@ -92,11 +92,7 @@ double ForceEstimator::unnoticed_change() {
     return 0.0;
   }
   const std::vector<double>& before = blocks_[0].before.shared;
-  double passed = 0.0;
-  for (std::size_t index = 0; index < blocks_.size(); ++index) {
-    passed += blocks_[index].span;
-  }
-  return belief()->shared[kFilm] - before[kFilm] - before[kRate] * passed;
+  return belief()->shared[kFilm] - before[kFilm] - before[kRate] * blocks_.times().back();
 }
 
 /// Whether readings of the sensors may tell a press from a film that cools: their lag is calibrated, as it looks like a

@@ -29,11 +29,8 @@ RestNoise::RestNoise(std::vector<double> time_constant, std::vector<double> newt
 
 void RestNoise::observe_steps(const LastBlocks& blocks, const Belief& belief, const TaxelFlags& counts, bool at_rest) {
   const Block& middle = blocks[kStepHalf];
-  StepWindow window{{}, {}, middle.noise.data(), counts.data()};
-  double time = 0.0;
+  StepWindow window{blocks.times(), {}, middle.noise.data(), counts.data()};
   for (std::size_t index = 0; index < kStepWindow; ++index) {
-    time += blocks[index].span;
-    window.time.push_back(time);
     window.force.push_back(blocks[index].mean.data());
   }
   find_signal_steps(window, time_constant_, step_.data());

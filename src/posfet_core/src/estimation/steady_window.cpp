@@ -61,12 +61,7 @@ Taxels held_taxels(const LastBlocks& blocks, const TaxelFlags& counts) {
 }
 
 SteadyWindow window_of(const LastBlocks& blocks, const Belief& belief, const Taxels& held) {
-  Vector<double> times(blocks.size());
-  double time = 0.0;
-  for (std::size_t index = 0; index < blocks.size(); ++index) {
-    times[index] = time += blocks[index].span;
-  }
-  SteadyWindow window(std::move(times), held.size());
+  SteadyWindow window(blocks.times(), held.size());
   for (std::size_t index = 0; index < blocks.size(); ++index) {
     const Block& block = blocks[index];
     for (std::size_t place = 0; place < held.size(); ++place) {

@@ -74,6 +74,9 @@ public:
   const Block& operator[](std::size_t index) const { return places_[(first_ + index) % places_.size()]; }
   Block& newest() { return (*this)[size_ - 1]; }
 
+  /// Times of the middles of the blocks, since that of the block before the oldest [s].
+  Vector<double> times() const;
+
   /// Where the next block is measured; kept only after `push`.
   Block& next() { return (*this)[size_]; }
 
