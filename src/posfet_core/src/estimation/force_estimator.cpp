@@ -447,6 +447,7 @@ void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxe
 /// Process the block that is due. Throws std::domain_error where the belief is none that can be.
 void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*>& contacts) {
   Block& block = blocks_.next();
+  block_mean(mean_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     block.listed[taxel] = in_contact[taxel] && offset_known()[taxel];
   }

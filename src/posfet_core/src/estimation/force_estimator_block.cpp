@@ -47,7 +47,6 @@ double changed_square(double now, double before) {
 /// Measure the block that is due.
 void ForceEstimator::measure(Block& block) {
   const ForceIntegration::Block& scans = integration_->block();
-  block_mean(mean_.data());
   block.duration = scans.elapsed;
   block.leak = scans.leak;
   block.span = 0.5 * (last_duration_ + scans.elapsed);

@@ -35,7 +35,7 @@ void ForceEstimator::find_touched(Block& block) {
   }
   const double pressed = pressed_force();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double mean = state().sum[taxel] / integration_->block().scans;
+    const double mean = mean_[taxel];
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
     const bool below = hot && mean < -array_.threshold && hot_film_.warm()[taxel];
@@ -70,7 +70,7 @@ double ForceEstimator::pressed_force() const {
   }
   double total = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    total += ignored()[taxel] ? 0.0 : state().sum[taxel] / integration_->block().scans;
+    total += ignored()[taxel] ? 0.0 : mean_[taxel];
   }
   return ZeroRefutation::kPressed * total / static_cast<double>(usable());
 }
@@ -87,8 +87,7 @@ bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
   surroundings_.dilate(listed, chosen_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const bool was = whole ? touched_[taxel] : listed_[taxel] && !chosen_[taxel];
-    const bool held = state().sum[taxel] > integration_->block().scans * array_.threshold;
-    if (held && was && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
+    if (mean_[taxel] > array_.threshold && was && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
       listed[taxel] = true;
       if (!chosen_[taxel]) {  // else it is part of that contact, and is released with it
         lost.push_back(static_cast<Taxel>(taxel));
