@@ -162,9 +162,8 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
     }
   }
   shared_variance(sensitivity, deviation);
-  predicted(response, residual);
+  residuals(measured, response, residual);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
-    residual[taxel] = measured[taxel] - residual[taxel] - b.error_of(taxel)[kSmallForce];
     deviation[taxel] = std::sqrt(b.own_variance(taxel) + noise[taxel] + deviation[taxel]);
   }
 }
@@ -172,11 +171,11 @@ void ForceErrorFilter::innovation(const double* measured, const double* response
 void ForceErrorFilter::post_fit(const bool* updated, const double* measured, const double* response,
                                 const double* noise, const double* unmodelled, double* left) const {
   const Belief& b = *belief_;
-  predicted(response, left);
+  residuals(measured, response, left);
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     const double alone = b.own_variance(taxel);
     const double own = updated[taxel] ? std::max(noise[taxel] - alone, kRounding * noise[taxel]) : noise[taxel] + alone;
-    left[taxel] = (measured[taxel] - left[taxel] - b.error_of(taxel)[kSmallForce]) / std::sqrt(own + unmodelled[taxel]);
+    left[taxel] /= std::sqrt(own + unmodelled[taxel]);
   }
 }
 
@@ -194,6 +193,13 @@ void ForceErrorFilter::predicted(const double* response, double* errors) const {
   const Belief& b = *belief_;
   for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
     errors[taxel] = b.error_of(taxel)[kForceError] + dot(response + taxel * b.states(), b.shared.data(), b.states());
+  }
+}
+
+void ForceErrorFilter::residuals(const double* measured, const double* response, double* residual) const {
+  predicted(response, residual);
+  for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
+    residual[taxel] = measured[taxel] - residual[taxel] - belief_->error_of(taxel)[kSmallForce];
   }
 }
 

@@ -184,10 +184,7 @@ void ForceEstimator::measure_faulty(const Block& block) {
   if (!zeros_.any()) {
     return;
   }
-  filter_.predicted(response_.data(), values_.data());
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    values_[taxel] = measured_[taxel] - values_[taxel] - belief()->error_of(taxel)[kSmallForce];
-  }
+  filter_.residuals(measured_.data(), response_.data(), values_.data());
   filter_.update_alone(zeros_.data(), values_.data(), sensitivity_.data(), noise_.data());
 }
 

@@ -80,6 +80,9 @@ public:
   /// Find the errors of the forces for these responses to the shared states [N].
   void predicted(const double* response, double* errors) const;
 
+  /// Find by how much measured errors of the forces [N] differ from those that are predicted, with the small forces.
+  void residuals(const double* measured, const double* response, double* residual) const;
+
   /// Update by the residuals of some taxels, with their sensitivities g and variances R.
   void update(const bool* where, const double* residual, const double* sensitivity, const double* noise);
 
