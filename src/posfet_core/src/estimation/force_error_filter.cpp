@@ -57,49 +57,48 @@ void ForceErrorFilter::predict(const BlockTransition& block) {
   for (std::size_t index = 0; index < b.own.size(); ++index) {
     b.own[index] += block.own_noise[index];
   }
-  become(block.matrix, block.noise);
+  const std::size_t states = b.states();
+  matrix_.assign(block.matrix, block.matrix + states * states);
+  transpose(matrix_, transposed_, states);
+  multiply(block.matrix, b.covariance().data(), root_.data(), states, states, states);
+  multiply(root_.data(), transposed_.data(), covariance_.data(), states, states, states);
+  for (std::size_t index = 0; index < covariance_.size(); ++index) {
+    covariance_[index] += block.noise[index];
+  }
+  mirror_lower(covariance_, states);
+  transpose(root_, matrix_, states);
+  become();
   b.shared.assign(block.after, block.after + b.states());
 }
 
 void ForceErrorFilter::admit(const double* direction, double variance) {
-  const std::size_t states = belief_->states();
-  SquareMatrix same(states * states, 0.0);
-  SquareMatrix noise(states * states);
-  for (std::size_t row = 0; row < states; ++row) {
-    same[row * states + row] = 1.0;
-    for (std::size_t column = 0; column < states; ++column) {
-      noise[row * states + column] = direction[row] * direction[column] * variance;
-    }
-  }
-  become(same.data(), noise.data());
+  add_to_covariance(direction, variance);
+  matrix_ = belief_->covariance();
+  become();
 }
 
 void ForceErrorFilter::widen(const double* direction, double variance) {
-  Belief& b = *belief_;
-  const std::size_t states = b.states();
-  covariance_ = b.covariance();
+  add_to_covariance(direction, variance);
+  belief_->set_covariance(covariance_);
+}
+
+/// Set `covariance_` to that of the shared states, which may have changed together in a direction.
+void ForceErrorFilter::add_to_covariance(const double* direction, double variance) {
+  const std::size_t states = belief_->states();
+  covariance_ = belief_->covariance();
   for (std::size_t row = 0; row < states; ++row) {
     for (std::size_t column = 0; column < states; ++column) {
       covariance_[row * states + column] += direction[row] * direction[column] * variance;
     }
   }
-  b.set_covariance(covariance_);
 }
 
-/// Replace the covariance S of the shared states by P = F S F' + Q, and regress the taxels' errors on the new states:
-/// on them the old ones have the regression A = S F' P^-1, which leaves D = S - A P A' of their covariance.
-void ForceErrorFilter::become(const double* matrix, const double* noise) {
+/// Replace the covariance S of the shared states by P = F S F' + Q, which is in `covariance_`, with S F' in `matrix_`,
+/// and regress the taxels' errors on the new states: on them the old ones have the regression A = S F' P^-1, which
+/// leaves D = S - A P A' of their covariance.
+void ForceErrorFilter::become() {
   Belief& b = *belief_;
   const std::size_t states = b.states();
-  matrix_.assign(matrix, matrix + states * states);
-  transpose(matrix_, transposed_, states);
-  multiply(matrix, b.covariance().data(), root_.data(), states, states, states);
-  multiply(root_.data(), transposed_.data(), covariance_.data(), states, states, states);
-  for (std::size_t index = 0; index < covariance_.size(); ++index) {
-    covariance_[index] += noise[index];
-  }
-  mirror_lower(covariance_, states);
-  transpose(root_, matrix_, states);  // S F'
   root_of_covariance(covariance_, states, root_, inverse_);
   transpose(inverse_, transposed_, states);
   SquareMatrix& white = unexplained_;  // A L with P = L L'

@@ -111,7 +111,8 @@ public:
 private:
   struct Gain;
 
-  void become(const double* matrix, const double* noise);
+  void add_to_covariance(const double* direction, double variance);
+  void become();
   void regress(std::size_t taxel);
   void inform(const bool* where, const double* residual, const double* sensitivity, const double* noise);
   void shift(const double* change);
