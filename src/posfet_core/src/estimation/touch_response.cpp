@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -26,20 +25,8 @@ double without(double force, double steepness) { return std::exp(-std::pow(force
 }  // namespace
 
 TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_constant,
-                             std::vector<double> newton_per_kelvin, const ErrorPriors& priors)
-    : tau_(std::move(time_constant)),
-      per_kelvin_(std::move(newton_per_kelvin)),
-      warmth_time_(priors.warmth_time),
-      warmth_force_(priors.warmth_force),
-      warmth_steepness_(priors.warmth_steepness),
-      warmth_force_spread_(priors.warmth_force_spread),
-      warmth_certain_(priors.warmth_certain),
-      creep_times_(priors.creep_times),
-      half_widths_(priors.loop_half_widths),
-      weights_(priors.loop_weights),
-      slope_(priors.loop_slope),
-      chip_times_(priors.chip_times),
-      chip_warming_(priors.chip_warming) {
+                             std::vector<double> newton_per_kelvin, ErrorPriors priors)
+    : tau_(std::move(time_constant)), per_kelvin_(std::move(newton_per_kelvin)), priors_(std::move(priors)) {
   const auto place = [](Taxel index, Taxel count) {
     const double half = 0.5 * static_cast<double>(count - 1);
     return (static_cast<double>(index) - half) / std::max(half, 0.5);
@@ -48,8 +35,11 @@ TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_cons
     x_.push_back(place(taxel % layout.cols, layout.cols));
     y_.push_back(place(taxel / layout.cols, layout.rows));
   }
-  profile_ = priors.bend_profile.empty() ? std::vector<double>(x_.size(), 1.0) : priors.bend_profile;
-  if (profile_.size() != x_.size()) {
+  std::vector<double>& profile = priors_.bend_profile;
+  if (profile.empty()) {
+    profile.assign(x_.size(), 1.0);
+  }
+  if (profile.size() != x_.size()) {
     throw std::invalid_argument("bend_profile must have one value for each taxel, or none");
   }
   reset();
@@ -77,20 +67,22 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     return;
   }
   for (std::size_t creep = 0; creep < kCreeps; ++creep) {
-    const double share = -std::expm1(-duration / creep_times_[creep]);
+    const double share = -std::expm1(-duration / priors_.creep_times[creep]);
     for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
       followed_[creep][taxel] += share * (force[taxel] - followed_[creep][taxel]);
     }
   }
   follow_loops(force);
-  const double total = std::accumulate(force.begin(), force.end(), 0.0);
+  const double total = sum(force);
   warming_ = 0.0;
   for (std::size_t each = 0; each < kWarmings; ++each) {
-    const double follows = -std::expm1(-duration / chip_times_[each]) * (total - warmed_[each]);
+    const double follows = -std::expm1(-duration / priors_.chip_times[each]) * (total - warmed_[each]);
     warmed_[each] += follows;
-    warming_ += chip_warming_[each] * (follows / duration);
+    warming_ += priors_.chip_warming[each] * (follows / duration);
   }
-  const double warming = -std::expm1(-duration / warmth_time_);
+  const double warming = -std::expm1(-duration / priors_.warmth_time);
+  const double saturating = priors_.warmth_force;
+  const double steep = priors_.warmth_steepness;
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
     const double ratio = duration / (tau_[taxel] * (1.0 + known.leak));
     const double left = std::exp(-ratio);
@@ -99,15 +91,14 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
     // The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
     // warms hides at most as much of a force as there is; nor is it steep, then: at a force that may be wrong by as
     // much, steep contacts are any on average. What a force is at least has all of it.
-    const double self = std::max(warmth_force_, -per_kelvin_[taxel] * known.warmth);
-    const double steepness =
-        std::max(warmth_steepness_ * square(warmth_force_ / self), std::min(warmth_steepness_, 1.0));
-    const double certain = warmth_certain_ * (1.0 - without(least[taxel] / warmth_force_, warmth_steepness_));
+    const double self = std::max(saturating, -per_kelvin_[taxel] * known.warmth);
+    const double steepness = std::max(steep * square(saturating / self), std::min(steep, 1.0));
+    const double certain = priors_.warmth_certain * (1.0 - without(least[taxel] / saturating, steep));
     const double contact = std::max(1.0 - without(force[taxel] / self, steepness), certain);
     certain_[taxel] += warming * (certain - certain_[taxel]);
     warm_[taxel] += warming * (contact - warm_[taxel]);
     const double range = without(least[taxel] / self, steepness) -
-                         without(most[taxel] * warmth_force_spread_ / warmth_force_, warmth_steepness_);
+                         without(most[taxel] * priors_.warmth_force_spread / saturating, steep);
     range_[taxel] += warming * (range - range_[taxel]);
   }
 }
@@ -115,18 +106,19 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
 /// Drag the play operators along, never further than their half width from the force.
 void TouchResponse::follow_loops(const std::vector<double>& force) {
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    loops_[taxel] = -slope_ * force[taxel];
+    loops_[taxel] = -priors_.loop_slope * force[taxel];
     for (std::size_t loop = 0; loop < kLoops; ++loop) {
       double& play = plays_[loop][taxel];
-      play = std::min(std::max(play, force[taxel] - half_widths_[loop]), force[taxel] + half_widths_[loop]);
-      loops_[taxel] += weights_[loop] * (force[taxel] - play);
+      const double half = priors_.loop_half_widths[loop];
+      play = std::min(std::max(play, force[taxel] - half), force[taxel] + half);
+      loops_[taxel] += priors_.loop_weights[loop] * (force[taxel] - play);
     }
   }
 }
 
 void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth) {
   const double per_warm = -per_kelvin_[taxel] * warmth;
-  if (left > 0.0 && per_warm > 0.0 && warmth_certain_ > 0.0) {
+  if (left > 0.0 && per_warm > 0.0 && priors_.warmth_certain > 0.0) {
     const double own = std::min(left, per_warm * std::max(warm_[taxel] - certain_[taxel], 0.0));
     warm_[taxel] -= own / per_warm;
   }
@@ -134,13 +126,13 @@ void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth)
 
 void TouchResponse::matrix(std::vector<double>& response) const {
   response.assign(tau_.size() * kSharedStates, 0.0);
-  const double total = std::accumulate(force_.begin(), force_.end(), 0.0);
+  const double total = sum(force_);
   const double moment_x = dot(force_.data(), x_.data(), force_.size());
   const double moment_y = dot(force_.data(), y_.data(), force_.size());
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
     double* row = response.data() + taxel * kSharedStates;
     row[kFilm] = per_kelvin_[taxel];
-    row[kBend] = total * profile_[taxel];
+    row[kBend] = total * priors_.bend_profile[taxel];
     row[kBendX] = total * x_[taxel];
     row[kBendY] = total * y_[taxel];
     row[kBendMoment] = moment_x * x_[taxel] + moment_y * y_[taxel];

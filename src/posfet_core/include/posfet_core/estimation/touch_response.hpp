@@ -25,7 +25,7 @@ public:
   /// Leakage time constants [s] and pyroelectric signals [N/K] of each taxel; time constants of creep and warmth.
   /// Throws std::invalid_argument where the bending has a part for another number of taxels.
   TouchResponse(const Layout& layout, std::vector<double> time_constant, std::vector<double> newton_per_kelvin,
-                const ErrorPriors& priors);
+                ErrorPriors priors);
 
   /// Forget all touches.
   void reset();
@@ -71,20 +71,9 @@ private:
 
   std::vector<double> x_;  ///< Position, from -1 to 1 at the edges of the array.
   std::vector<double> y_;
-  std::vector<double> profile_;  ///< Part of each taxel in the bending [1].
   std::vector<double> tau_;
   std::vector<double> per_kelvin_;
-  double warmth_time_;
-  double warmth_force_;
-  double warmth_steepness_;
-  double warmth_force_spread_;
-  double warmth_certain_;
-  std::array<double, kCreeps> creep_times_;
-  std::array<double, kLoops> half_widths_;
-  std::array<double, kLoops> weights_;
-  double slope_;
-  std::array<double, kWarmings> chip_times_;
-  std::array<double, kWarmings> chip_warming_;
+  ErrorPriors priors_;  ///< With a part of each taxel in the bending.
   bool responding_ = false;
   std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].
