@@ -12,10 +12,10 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
-#include <array>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -452,63 +452,54 @@ void bind_estimator(const py::module_& module) {
 }  // namespace
 
 ErrorPriors priors_from(const py::object& priors) {
-  constexpr std::array<std::pair<const char*, double ErrorPriors::*>, 34> kValues{{
-      {"film_walk", &ErrorPriors::film_walk},
-      {"rate", &ErrorPriors::rate},
-      {"rate_walk", &ErrorPriors::rate_walk},
-      {"rate_change", &ErrorPriors::rate_change},
-      {"slow_rate", &ErrorPriors::slow_rate},
-      {"touch_rate", &ErrorPriors::touch_rate},
-      {"warming_share", &ErrorPriors::warming_share},
-      {"fastest", &ErrorPriors::fastest},
-      {"lag", &ErrorPriors::lag},
-      {"lag_spread", &ErrorPriors::lag_spread},
-      {"dead_share", &ErrorPriors::dead_share},
-      {"scale", &ErrorPriors::scale},
-      {"reading", &ErrorPriors::reading},
-      {"earlier", &ErrorPriors::earlier},
-      {"leak", &ErrorPriors::leak},
-      {"tail", &ErrorPriors::tail},
-      {"tail_spread", &ErrorPriors::tail_spread},
-      {"tail_least", &ErrorPriors::tail_least},
-      {"tail_change", &ErrorPriors::tail_change},
-      {"warmth_mean", &ErrorPriors::warmth_mean},
-      {"warmth", &ErrorPriors::warmth},
-      {"warmth_least", &ErrorPriors::warmth_least},
-      {"warmth_spread", &ErrorPriors::warmth_spread},
-      {"warmth_force", &ErrorPriors::warmth_force},
-      {"warmth_steepness", &ErrorPriors::warmth_steepness},
-      {"warmth_force_spread", &ErrorPriors::warmth_force_spread},
-      {"warmth_certain", &ErrorPriors::warmth_certain},
-      {"warmth_contact", &ErrorPriors::warmth_contact},
-      {"warmth_time", &ErrorPriors::warmth_time},
-      {"loop_slope", &ErrorPriors::loop_slope},
-      {"pyroelectric", &ErrorPriors::pyroelectric},
-      {"drift", &ErrorPriors::drift},
-      {"offset_walk", &ErrorPriors::offset_walk},
-      {"motion", &ErrorPriors::motion},
-  }};
-  static_assert(kValues.back().first != nullptr, "fewer priors than their number");
-  constexpr std::array<std::pair<const char*, std::array<double, kCreeps> ErrorPriors::*>, 3> kOfCreep{{
-      {"creep_times", &ErrorPriors::creep_times},
-      {"creep_mean", &ErrorPriors::creep_mean},
-      {"creep", &ErrorPriors::creep},
-  }};
-  static_assert(kOfCreep.back().first != nullptr, "fewer priors than their number");
   ErrorPriors found{};
-  found.chip_times = priors.attr("chip_times").cast<std::array<double, kWarmings>>();
-  found.chip_warming = priors.attr("chip_warming").cast<std::array<double, kWarmings>>();
-  found.loop_half_widths = priors.attr("loop_half_widths").cast<std::array<double, kLoops>>();
-  found.loop_weights = priors.attr("loop_weights").cast<std::array<double, kLoops>>();
-  found.bend_mean = priors.attr("bend_mean").cast<std::array<double, kBends>>();
-  found.bend = priors.attr("bend").cast<std::array<double, kBends>>();
-  found.bend_profile = priors.attr("bend_profile").cast<std::vector<double>>();
-  for (const auto& [name, member] : kValues) {
-    found.*member = priors.attr(name).cast<double>();
-  }
-  for (const auto& [name, member] : kOfCreep) {
-    found.*member = priors.attr(name).cast<std::array<double, kCreeps>>();
-  }
+  const auto read = [&priors](const char* name, auto& value) {
+    value = priors.attr(name).cast<std::decay_t<decltype(value)>>();
+  };
+  read("film_walk", found.film_walk);
+  read("rate", found.rate);
+  read("rate_walk", found.rate_walk);
+  read("rate_change", found.rate_change);
+  read("slow_rate", found.slow_rate);
+  read("touch_rate", found.touch_rate);
+  read("warming_share", found.warming_share);
+  read("chip_times", found.chip_times);
+  read("chip_warming", found.chip_warming);
+  read("fastest", found.fastest);
+  read("lag", found.lag);
+  read("lag_spread", found.lag_spread);
+  read("dead_share", found.dead_share);
+  read("scale", found.scale);
+  read("reading", found.reading);
+  read("bend_mean", found.bend_mean);
+  read("bend", found.bend);
+  read("bend_profile", found.bend_profile);
+  read("leak", found.leak);
+  read("tail", found.tail);
+  read("tail_spread", found.tail_spread);
+  read("tail_least", found.tail_least);
+  read("tail_change", found.tail_change);
+  read("warmth_mean", found.warmth_mean);
+  read("warmth", found.warmth);
+  read("warmth_least", found.warmth_least);
+  read("warmth_spread", found.warmth_spread);
+  read("warmth_force", found.warmth_force);
+  read("warmth_steepness", found.warmth_steepness);
+  read("warmth_force_spread", found.warmth_force_spread);
+  read("warmth_certain", found.warmth_certain);
+  read("warmth_contact", found.warmth_contact);
+  read("warmth_time", found.warmth_time);
+  read("creep_times", found.creep_times);
+  read("creep_mean", found.creep_mean);
+  read("creep", found.creep);
+  read("loop_half_widths", found.loop_half_widths);
+  read("loop_weights", found.loop_weights);
+  read("loop_slope", found.loop_slope);
+  read("pyroelectric", found.pyroelectric);
+  read("earlier", found.earlier);
+  read("drift", found.drift);
+  read("offset_walk", found.offset_walk);
+  read("motion", found.motion);
   return found;
 }
 
