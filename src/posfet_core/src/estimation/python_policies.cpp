@@ -69,6 +69,18 @@ void require_all(std::size_t taxels, std::initializer_list<py::array> arrays) {
   }
 }
 
+/// What a part knows of each taxel, as a new array.
+template <typename Part, typename Value>
+auto of_each_taxel(Value (Part::*find)(std::size_t) const) {
+  return [find](const Part& part) {
+    py::array_t<Value> values(static_cast<py::ssize_t>(part.taxels()));
+    for (std::size_t taxel = 0; taxel < part.taxels(); ++taxel) {
+      values.mutable_data()[taxel] = (part.*find)(taxel);
+    }
+    return values;
+  };
+}
+
 void bind_surroundings(const py::module_& module) {
   py::class_<ContactSurroundings>(module, "ContactSurroundings", "Neighbours of the taxels of an array.")
       .def(py::init([](const Layout& layout) { return ContactSurroundings(Grid(layout)); }), py::arg("layout"))
@@ -163,21 +175,13 @@ void bind_touch_response(const py::module_& module) {
       .def_property_readonly(
           "range", [](const TouchResponse& response) { return array_of(response.range()); },
           "The same with the greatest thermal contact that there may be [1], a new array.")
-      .def_property_readonly(
-          "leaked",
-          [](const TouchResponse& response) {
-            std::vector<double> leaked(response.warm().size());
-            for (std::size_t taxel = 0; taxel < leaked.size(); ++taxel) {
-              leaked[taxel] = response.leaked(taxel);
-            }
-            return array_of(leaked);
-          },
-          "Leaked charge of the touched force of each taxel, as a force [N].")
+      .def_property_readonly("leaked", of_each_taxel(&TouchResponse::leaked),
+                             "Leaked charge of the touched force of each taxel, as a force [N].")
       .def(
           "advance",
           [](TouchResponse& response, const Values& force, const Values& least, const Values& most, double duration,
              double leak, double warmth) {
-            require_all(response.warm().size(), {force, least, most});
+            require_all(response.taxels(), {force, least, most});
             response.advance(vector_of(force), vector_of(least), vector_of(most), duration, {leak, warmth});
           },
           py::arg("force"), py::arg("least"), py::arg("most"), py::arg("duration"), py::arg("leak") = 0.0,
@@ -185,7 +189,7 @@ void bind_touch_response(const py::module_& module) {
       .def(
           "reduce_warmth",
           [](TouchResponse& response, std::size_t taxel, double left, double warmth) {
-            if (taxel >= response.warm().size()) {
+            if (taxel >= response.taxels()) {
               throw py::index_error("no such taxel");
             }
             response.reduce_warmth(taxel, left, warmth);
@@ -210,21 +214,11 @@ void bind_held_forces(const py::module_& module) {
           "update",
           [](HeldForces& forces, const Values& force, const Tested& certain, double duration) {
             require_all(forces.taxels(), {force, certain});
-            TaxelFlags flags(forces.taxels());
-            flags.set(certain.data());
-            forces.update(vector_of(force), flags, duration);
+            forces.update(vector_of(force), copy_of(certain), duration);
           },
           py::arg("force"), py::arg("certain"), py::arg("duration"), "Process a block.")
-      .def_property_readonly(
-          "held",
-          [](const HeldForces& forces) {
-            std::vector<double> held(forces.taxels());
-            for (std::size_t taxel = 0; taxel < held.size(); ++taxel) {
-              held[taxel] = forces.held(taxel);
-            }
-            return array_of(held);
-          },
-          "Forces when those beside them came to rest [N]; 0: unknown, or they do not rest.");
+      .def_property_readonly("held", of_each_taxel(&HeldForces::held),
+                             "Forces when those beside them came to rest [N]; 0: unknown, or they do not rest.");
   module.attr("HELD_PLAY") = kHeldPlay;
   module.attr("HELD_TIME") = kHeldTime;
 }
@@ -242,16 +236,8 @@ void bind_thermal_contact(const py::module_& module) {
             self.update(vector_of(reading), duration);
           },
           py::arg("reading"), py::arg("duration"), "Process a block: what taxels read but for their warmth [N].")
-      .def_property_readonly(
-          "warmed",
-          [](const ThermalContact& self) {
-            TaxelFlags warmed(self.taxels());
-            for (std::size_t taxel = 0; taxel < self.taxels(); ++taxel) {
-              warmed[taxel] = self.warmed(taxel);
-            }
-            return array_of(warmed);
-          },
-          "Whether something warms each taxel, [taxels].")
+      .def_property_readonly("warmed", of_each_taxel(&ThermalContact::warmed),
+                             "Whether something warms each taxel, [taxels].")
       .def(
           "find_left",
           [](ThermalContact& self, const py::sequence& contacts) {

@@ -27,6 +27,8 @@ public:
   TouchResponse(const Layout& layout, std::vector<double> time_constant, std::vector<double> newton_per_kelvin,
                 ErrorPriors priors);
 
+  std::size_t taxels() const { return tau_.size(); }
+
   /// Forget all touches.
   void reset();
 
