@@ -125,36 +125,22 @@ void bind_surroundings(const py::module_& module) {
 
 void bind_dynamics(const py::module_& module) {
   constexpr auto kStates = static_cast<py::ssize_t>(kSharedStates);
-  const auto state_of = [](const Values& state) {
-    require_all(kSharedStates, {state});
-    return vector_of(state);
-  };
   py::class_<SharedDynamics> bound(module, "SharedDynamics", "Transition of the shared states over a block.");
   bound.attr("FORGET") = SharedDynamics::kForget;
   bound
       .def(py::init(
                [](const py::object& priors, double film_lag) { return SharedDynamics(priors_from(priors), film_lag); }),
            py::arg("priors"), py::arg("film_lag"))
-      .def("set_film_walk", &SharedDynamics::set_film_walk, py::arg("intensity"),
-           "Set the variance by which the temperature of chip and film grows in each second [K2/s].")
       .def(
           "transition",
-          [state_of](SharedDynamics& dynamics, const Values& state, double duration, double warming) {
-            const SharedTransition& found = dynamics.transition(state_of(state), duration, warming);
+          [](SharedDynamics& dynamics, const Values& state, double duration, double warming) {
+            require_all(kSharedStates, {state});
+            const SharedTransition& found = dynamics.transition(vector_of(state), duration, warming);
             return py::make_tuple(array_of(found.after), array_of(found.matrix, kStates),
                                   array_of(found.noise, kStates));
           },
           py::arg("state"), py::arg("duration"), py::arg("warming") = 0.0,
-          "Return next state, transition matrix and covariance of the noise.")
-      .def(
-          "maneuver",
-          [state_of](SharedDynamics& dynamics, const Values& state, double duration) {
-            return array_of(dynamics.maneuver(state_of(state), duration));
-          },
-          py::arg("state"), py::arg("duration"), "Return how the states change if the rate had changed by 1 K/s.")
-      .def_static(
-          "sensor_lag", [state_of](const Values& state) { return SharedDynamics::sensor_lag(state_of(state)); },
-          py::arg("state"), "Return the time constant of the sensors' lag [s].");
+          "Return next state, transition matrix and covariance of the noise.");
 }
 
 void bind_touch_response(const py::module_& module) {
@@ -248,7 +234,6 @@ void bind_thermal_contact(const py::module_& module) {
           },
           py::arg("contacts"), "Return the taxels of contacts that were left, [taxels]; once per block.");
   contact.attr("BLOCKS") = ThermalContact::kBlocks;
-  contact.attr("LEFT_BLOCKS") = ThermalContact::kLeftBlocks;
 }
 
 void bind_noise(const py::module_& module) {
