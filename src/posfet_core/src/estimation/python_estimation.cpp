@@ -325,15 +325,7 @@ void bind_filter(const py::module_& module) {
 
 using BoundEstimator = py::class_<ForceEstimator, std::shared_ptr<ForceEstimator>>;
 
-/// Return a function that gives what an estimator finds for each taxel, as a new array.
-template <void (ForceEstimator::*Find)(double*) const>
-py::array_t<double> found_by(const ForceEstimator& estimator) {
-  py::array_t<double> found = new_array({estimator.taxels()});
-  (estimator.*Find)(found.mutable_data());
-  return found;
-}
-
-/// The same into an array of the caller, which is returned.
+/// Return what an estimator finds for each taxel in an array of the caller.
 template <void (ForceEstimator::*Find)(double*) const>
 KeptValues find_into(const ForceEstimator& estimator, KeptValues out) {
   require_taxels(out, static_cast<Taxel>(estimator.taxels()), "out");
@@ -376,8 +368,6 @@ void bind_estimator_methods(BoundEstimator& bound) {
            "Return in `out` the variance of each force that it does not share with others [N2].")
       .def("variance", &find_into<&ForceEstimator::variance>, py::arg("out").noconvert(),
            "Return in `out` the variance that each force would have without a touch [N2].")
-      .def("steady_variance", &find_into<&ForceEstimator::steady_variance>, py::arg("out").noconvert(),
-           "Return in `out` that variance without what steps of the signals may have added since a touch began [N2].")
       .def(
           "tare",
           [](ForceEstimator& estimator, bool forced) {
@@ -425,10 +415,14 @@ void bind_estimator(const py::module_& module) {
                              "Number of restarts of taxels whose signal was consistent with no force.")
       .def_property_readonly("processed_again", &ForceEstimator::processed_again,
                              "Number of times that the last blocks were processed again.")
-      .def_property_readonly("block_mean", &found_by<&ForceEstimator::block_mean>,
-                             "Mean of `force` over the block that is due [N].")
-      .def_property_readonly("residual_charge", &found_by<&ForceEstimator::residual_charge>,
-                             "Charge at each gate, as the force that would generate it [N].")
+      .def_property_readonly(
+          "residual_charge",
+          [](const ForceEstimator& estimator) {
+            py::array_t<double> charge = new_array({estimator.taxels()});
+            estimator.residual_charge(charge.mutable_data());
+            return charge;
+          },
+          "Charge at each gate, as the force that would generate it [N].")
       .def_property_readonly(
           "informative",
           [](const py::object& self) { return view_of(self.cast<ForceEstimator&>().informative(), self); },
