@@ -104,11 +104,8 @@ REPEATED: Final = 3.0
 SAME_ERROR: Final = 1.0
 """Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time."""
 
-CORRELATED: Final = 50.0
-"""Blocks over which the error of a taxel beside a contact stays the same [1]: one second."""
-
-LEAST_TAIL: Final = 1e-4
-"""Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
+TAIL_NOISE: Final = 5e-7
+"""Variance of the force of a taxel beside a contact in a block, in addition to shares of its neighbours' [N2]."""
 
 NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
@@ -1128,7 +1125,7 @@ class ForceEstimator:
             measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
             response = np.where(beside[:, None], response * ~OF_TOUCH, response)
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-            changed = self._warmth_variance() + CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2
+            changed = self._warmth_variance() + TAIL_NOISE + (p.tail_change * block.neighbour) ** 2
             noise += np.where(beside, changed, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
@@ -1312,7 +1309,7 @@ class ForceEstimator:
 
     def _set_zero(self, where: Mask, alone: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels, of which some tell nothing of what taxels share."""
-        noise = block.noise + CORRELATED * LEAST_TAIL**2
+        noise = block.noise + TAIL_NOISE
         residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
         self._filter.update_alone(alone, residual, sensitivity, noise)
         self._filter.update(where, residual, sensitivity, noise)

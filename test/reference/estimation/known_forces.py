@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from posfet_core import scan_path
 from posfet_model._lib.types import Array, Mask
+from reference.estimation.rest_detector import STILL
+from reference.estimation.zero_refutation import SURPRISING
 from reference.reductions import median
 
 GATE: Final = 5.0
@@ -33,9 +35,6 @@ PERSISTENT_BLOCKS: Final = 16
 
 PERSISTENT: Final = GATE / (2 * PERSISTENT_BLOCKS - 1) ** 0.5
 """Mean from which on they are no error that the filter expects [1]: as many deviations of that mean."""
-
-STEADY_DEVIATIONS: Final = 8.0
-"""A taxel is steady while its mean stays within this many standard deviations of its noise [1]."""
 
 NEGATIVE_TIME: Final = 0.2
 """A negative force that lasts for this long is an error of the baseline [s]: no object pulls."""
@@ -131,7 +130,7 @@ class UnexplainedResiduals:
         up = residual > 0.0
         self.rising = odd & up
         self.below = np.where(odd & ~up, self.below + duration, 0.0)
-        moved = ~self.rising | (np.abs(mean - self._level) > STEADY_DEVIATIONS * noise)
+        moved = ~self.rising | (np.abs(mean - self._level) > STILL * noise)
         self._level = np.where(moved, mean, self._level)
         self._steady = np.where(moved, 0.0, self._steady + duration)
         errors: Mask = self.below >= NEGATIVE_TIME
@@ -284,9 +283,6 @@ class UniformChange:
 
     FEWEST: Final = scan_path.FEWEST_FOR_UNIFORM
     """With fewer taxels a uniform change is no evidence: a fingertip presses them all."""
-    NOTICEABLE: Final = 3.0
-    """Deviations from which on a common residual needs this hypothesis where one residual alone is not expected, and
-    from which on a taxel does not fit the pattern [1]."""
     FASTEST: Final = 3.0
     """Greatest rate of a temperature [K/s], assumed."""
     MISFITS: Final = 0.2
@@ -343,14 +339,12 @@ class UniformChange:
         kelvin = median(change / response)
         force = kelvin * response
         single, alone = median(deviation[where]), median(own[where])
-        least = (self.NOTICEABLE if noticed else GATE) * math.sqrt(
-            max(single**2 - alone**2, 0.0) + alone**2 / len(change)
-        )
+        least = (SURPRISING if noticed else GATE) * math.sqrt(max(single**2 - alone**2, 0.0) + alone**2 / len(change))
         if abs(float(force.mean())) < least:
             return 0.0
         if float(force.mean()) < 0.0:
             return kelvin  # no object pulls at the whole array
-        misfit = np.abs(change - force) > self.NOTICEABLE * (self._spread * np.abs(force) + own[where])
+        misfit = np.abs(change - force) > SURPRISING * (self._spread * np.abs(force) + own[where])
         fits = np.count_nonzero(misfit) <= self.MISFITS * len(change) and abs(kelvin) <= self.FASTEST * duration
         return kelvin if fits and self.pause <= 0.0 else 0.0
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from reference.estimation.known_forces import GATE
+
 LEAST_TIME: Final = 0.1
 """Time between two observed temperatures [s]: longer than the lag of a film."""
 
 MEMORY: Final = 100
 """Number of observations over which the walk is averaged [1]: 10 s."""
-
-SURPRISING: Final = 5.0
-"""Deviations beyond which an observation counts for no more [1]: a rate that changes is no walk."""
 
 
 class TemperatureWalk:
@@ -73,7 +72,8 @@ class TemperatureWalk:
             return
         per_intensity = 2.0 * self._shown(time)
         noise = 6.0 * variance
-        most = SURPRISING * SURPRISING * (self.intensity * per_intensity + noise)
+        # A rate that changes is no walk.
+        most = GATE * GATE * (self.intensity * per_intensity + noise)
         square = min(((self._rate - before) * time) ** 2, most)
         self._count = min(self._count + 1, MEMORY)
         self.intensity += ((square - noise) / per_intensity - self.intensity) / self._count

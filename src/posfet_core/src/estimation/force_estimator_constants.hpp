@@ -21,14 +21,12 @@ constexpr double kGate = 5.0;
 /// exceed the greatest force.
 constexpr double kRunaway = 4.0;
 
-/// Deviations from which on a reading of the temperature sensors is unexpected [1].
+/// Deviations from which on a reading of the temperature sensors, or one of few other measurements, is unexpected [1].
 constexpr double kSurprising = 3.0;
 
-/// Blocks over which the error of a taxel beside a contact stays the same [1]: one second.
-constexpr double kCorrelated = 50.0;
-
-/// Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N].
-constexpr double kLeastTail = 1e-4;
+/// Variance of the force of a taxel beside a contact in a block, in addition to shares of its neighbours' [N2]: 0.1 mN
+/// that stays the same for 50 blocks, a second.
+constexpr double kTailNoise = 5e-7;
 
 /// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, the
 /// object that touches, lost scans.

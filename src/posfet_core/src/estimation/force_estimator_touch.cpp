@@ -178,7 +178,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
       touch_.reduce_warmth(taxel, mean_[taxel], belief()->shared[kWarmth]);
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_.values()[taxel]);
     }
-    noise_[taxel] = block.noise[taxel] + kCorrelated * square(kLeastTail);
+    noise_[taxel] = block.noise[taxel] + kTailNoise;
   }
   touch_.matrix(block.response);
   filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),

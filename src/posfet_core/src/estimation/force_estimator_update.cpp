@@ -209,8 +209,7 @@ void ForceEstimator::expect_small_forces(const Block& block) {
     }
     response[kTail] = block.tail[taxel];
     // As the contact moves, what is warm moves with it.
-    noise_[taxel] += warmth_variance(taxel) + kCorrelated * square(kLeastTail) +
-                     square(priors_.tail_change * block.neighbour[taxel]);
+    noise_[taxel] += warmth_variance(taxel) + kTailNoise + square(priors_.tail_change * block.neighbour[taxel]);
   }
 }
 

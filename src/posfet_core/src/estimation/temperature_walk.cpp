@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "force_estimator_constants.hpp"
+
 namespace posfet {
 
 void TemperatureWalk::pause() {
@@ -32,7 +34,8 @@ void TemperatureWalk::observe(double rise, double variance, double duration) {
   }
   const double per_intensity = 2.0 * shown(time);
   const double noise = 6.0 * variance;
-  const double most = kSurprising * kSurprising * (intensity_ * per_intensity + noise);
+  // A rate that changes is no walk.
+  const double most = kGate * kGate * (intensity_ * per_intensity + noise);
   const double difference = (rate_ - before) * time;
   const double square = std::min(difference * difference, most);
   count_ = std::min(count_ + 1, kMemory);

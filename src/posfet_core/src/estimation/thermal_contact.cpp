@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "posfet_core/estimation/release_detector.hpp"
+
 namespace posfet {
 
 ThermalContact::ThermalContact(std::size_t taxels, double warmth_time, double threshold)
@@ -17,7 +19,7 @@ ThermalContact::ThermalContact(std::size_t taxels, double warmth_time, double th
       threshold_(threshold),
       readings_(kBlocks + 1, std::vector<double>(taxels, 0.0)),
       tends_(taxels, 0.0),
-      cools_for_(taxels, kLeftBlocks) {}
+      cools_for_(taxels, ReleaseDetector::kReleasedBlocks) {}
 
 void ThermalContact::reset() {
   seen_ = 0;

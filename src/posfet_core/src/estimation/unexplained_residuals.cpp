@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/rest_detector.hpp"
 
 namespace posfet {
 
@@ -47,7 +48,7 @@ void UnexplainedResiduals::update(const bool* odd, const double* residual, const
     const bool up = residual[taxel] > 0.0;
     rising_[taxel] = odd[taxel] && up;
     below_[taxel] = odd[taxel] && !up ? below_[taxel] + duration : 0.0;
-    const bool moved = !rising_[taxel] || std::abs(mean[taxel] - level_[taxel]) > kSteadyDeviations * noise[taxel];
+    const bool moved = !rising_[taxel] || std::abs(mean[taxel] - level_[taxel]) > RestDetector::kStill * noise[taxel];
     level_[taxel] = moved ? mean[taxel] : level_[taxel];
     steady_[taxel] = moved ? 0.0 : steady_[taxel] + duration;
     errors[taxel] = below_[taxel] >= kNegativeTime || (steady_[taxel] >= kUnexplainedTime && residual[taxel] < small_);

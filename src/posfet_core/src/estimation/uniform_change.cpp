@@ -54,7 +54,7 @@ double UniformChange::temperature(const double* residual, const bool* where, con
   const double single = median_of(deviation, where);
   const double alone = median_of(own, where);
   const double shared = std::max(single * single - alone * alone, 0.0);
-  const double least = (noticed ? kNoticeable : kGate) * std::sqrt(shared + alone * alone / count);
+  const double least = (noticed ? kSurprising : kGate) * std::sqrt(shared + alone * alone / count);
   if (std::abs(force) < least) {
     return 0.0;
   }
@@ -64,7 +64,7 @@ double UniformChange::temperature(const double* residual, const bool* where, con
   int misfits = 0;
   for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
     const double expected = kelvin * per_kelvin_[taxel];
-    const double tolerance = kNoticeable * (spread_ * std::abs(expected) + own[taxel]);
+    const double tolerance = kSurprising * (spread_ * std::abs(expected) + own[taxel]);
     misfits += where[taxel] && std::abs(residual[taxel] - expected) > tolerance ? 1 : 0;
   }
   const bool fits = misfits <= kMisfits * count && std::abs(kelvin) <= kFastestWarming * duration;

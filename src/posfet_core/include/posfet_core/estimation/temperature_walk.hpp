@@ -24,9 +24,6 @@ public:
   /// Number of observations over which the walk is averaged [1]: 10 s.
   static constexpr int kMemory = 100;
 
-  /// Deviations beyond which an observation counts for no more [1]: a rate that changes is no walk.
-  static constexpr double kSurprising = 5.0;
-
   /// Least random walk, and that until it is observed [K/sqrt(s)]; time constant of the film's lag behind the chip [s],
   /// >= 0.
   TemperatureWalk(double least, double film_lag)

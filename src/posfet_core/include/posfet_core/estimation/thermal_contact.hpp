@@ -36,9 +36,6 @@ public:
   /// constant is known to about a tenth.
   static constexpr double kLeft = 0.25;
 
-  /// Blocks in a row in which a contact must look left [1].
-  static constexpr std::size_t kLeftBlocks = 3;
-
   /// Time constant with which the film warms and cools [s]; reading below which one is below zero beyond errors [N].
   ThermalContact(std::size_t taxels, double warmth_time, double threshold);
 

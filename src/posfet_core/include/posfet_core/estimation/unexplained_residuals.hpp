@@ -22,9 +22,6 @@ public:
   /// Blocks over which residuals are averaged [1]: what errors leave of them in the filter is white.
   static constexpr int kPersistentBlocks = 16;
 
-  /// A taxel is steady while its mean stays within this many standard deviations of its noise [1].
-  static constexpr double kSteadyDeviations = 8.0;
-
   /// A negative force that lasts for this long is an error of the baseline [s]: no object pulls.
   static constexpr double kNegativeTime = 0.2;
 

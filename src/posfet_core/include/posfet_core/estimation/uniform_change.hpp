@@ -21,10 +21,6 @@ namespace posfet {
 /// taxel by its pyroelectric response; its rate; and, after `kConfirmation`, what the sensors show.
 class UniformChange {
 public:
-  /// Deviations from which on a common residual needs this hypothesis where one residual alone is not expected, and
-  /// from which on a taxel does not fit the pattern [1].
-  static constexpr double kNoticeable = 3.0;
-
   /// Share of the taxels that may not fit the pattern [1].
   static constexpr double kMisfits = 0.2;
 
