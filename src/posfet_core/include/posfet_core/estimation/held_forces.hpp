@@ -8,7 +8,9 @@
 /// Forces of weakly touched taxels beside what certainly presses, and rests.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "posfet_core/flags.hpp"
@@ -29,12 +31,33 @@ constexpr double kHeldTime = 0.1;
 /// as it did when it came to rest.
 class HeldForces {
 public:
-  explicit HeldForces(Grid grid);
+  explicit HeldForces(Grid grid)
+      : grid_(std::move(grid)),
+        beside_(static_cast<std::size_t>(grid_.taxels()), 0.0),
+        force_(beside_.size(), 0.0),
+        rested_(beside_.size(), 0.0) {}
 
   std::size_t taxels() const { return force_.size(); }
 
   /// Process a block of `duration` [s]: forces [N], >= 0, and which of them are certainly some.
-  void update(const std::vector<double>& force, const TaxelFlags& certain, double duration);
+  void update(const std::vector<double>& force, const TaxelFlags& certain, double duration) {
+    for (std::size_t taxel = 0; taxel < force_.size(); ++taxel) {
+      double sum = 0.0;
+      bool presses = false;
+      for (const Taxel other : grid_.neighbours(static_cast<Taxel>(taxel))) {
+        if (other != Grid::kOutside) {
+          sum += force[static_cast<std::size_t>(other)];
+          presses = presses || certain[static_cast<std::size_t>(other)];
+        }
+      }
+      const double before = beside_[taxel];
+      beside_[taxel] = std::min(std::max(before, (1.0 - kHeldPlay) * sum), (1.0 + kHeldPlay) * sum);
+      rested_[taxel] = presses && beside_[taxel] == before ? rested_[taxel] + duration : 0.0;
+      if (rested_[taxel] < kHeldTime) {
+        force_[taxel] = force[taxel];
+      }
+    }
+  }
 
   /// Force of a taxel when those beside it came to rest [N]; 0: unknown, or they do not rest.
   double held(std::size_t taxel) const { return rested_[taxel] < kHeldTime ? 0.0 : force_[taxel]; }

@@ -8,6 +8,7 @@
 /// Contradictions in the estimated force: negative forces, and forces known only as a lower bound.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -36,11 +37,31 @@ public:
   const TaxelFlags& mask() const { return mask_; }
 
   /// Mark taxels after an interruption, from the forces before it and the remaining charges as forces [N].
-  void start(const double* before, const double* remaining);
+  void start(const double* before, const double* remaining) {
+    for (std::size_t taxel = 0; taxel < mask_.size(); ++taxel) {
+      const bool held = before[taxel] > threshold_ && remaining[taxel] > -threshold_;
+      mask_[taxel] = mask_[taxel] || held || remaining[taxel] > threshold_;
+    }
+    std::fill(negative_for_.begin(), negative_for_.end(), 0.0);
+    quiet_ = 0.0;
+  }
 
   /// Process the mean forces [N] of a block of `elapsed` [s]; `still` are the taxels whose mean equals that of the
   /// block before within noise. Those of a force that was released are `ended`, and no longer marked.
-  void update(const double* mean, const bool* still, double elapsed, bool* ended);
+  void update(const double* mean, const bool* still, double elapsed, bool* ended) {
+    bool measurable = false;
+    for (std::size_t taxel = 0; taxel < mask_.size(); ++taxel) {
+      const bool negative = mask_[taxel] && mean[taxel] < -threshold_ && still[taxel];
+      negative_for_[taxel] = negative ? negative_for_[taxel] + elapsed : 0.0;
+      ended[taxel] = negative_for_[taxel] >= negative_time_;
+      mask_[taxel] = mask_[taxel] && !ended[taxel];
+      measurable = measurable || (mask_[taxel] && mean[taxel] > threshold_);
+    }
+    quiet_ += measurable ? 0.0 : elapsed;
+    if (quiet_ >= release_time_) {
+      clear();
+    }
+  }
 
   /// Mark no taxel.
   void clear() { mask_.fill(false); }

@@ -8,6 +8,10 @@
 /// When the temperature sensors say that zeros are wrong, and until when.
 #pragma once
 
+#include <algorithm>
+
+#include "posfet_core/estimation/release_detector.hpp"
+
 namespace posfet {
 
 /// Decides whether something presses on all taxels, too slowly to be noticed.
@@ -41,10 +45,25 @@ public:
   bool significant() const { return significant_; }
 
   /// Record that zeros have been refuted.
-  void refute();
+  void refute() {
+    peak_ = wide_ ? peak_ : 0.0;
+    insignificant_ = 0.0;
+    wide_ = true;
+  }
 
   /// Process the end of a block: its duration [s], and the total force with its deviation [N].
-  void end_block(double duration, double total, double deviation);
+  void end_block(double duration, double total, double deviation) {
+    significant_ = total > kSignificant * deviation;
+    if (significant_) {
+      peak_ = std::max(peak_, total);
+      insignificant_ = 0.0;
+      return;
+    }
+    insignificant_ += duration;
+    if (total < ReleaseDetector::kReleasedShare * peak_ || insignificant_ >= kMemory) {
+      wide_ = false;
+    }
+  }
 
   /// Forget what presses.
   void clear() { wide_ = false; }
