@@ -39,7 +39,6 @@
 #include "posfet_core/estimation/rest_noise.hpp"
 #include "posfet_core/estimation/sensor_readings.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
-#include "posfet_core/estimation/steady_window.hpp"
 #include "posfet_core/estimation/thermal_contact.hpp"
 #include "posfet_core/estimation/total_certainty.hpp"
 #include "posfet_core/estimation/touch_response.hpp"

@@ -17,7 +17,10 @@
 #include <cstddef>
 #include <optional>
 
-#include "posfet_core/estimation/steady_window.hpp"
+#include "posfet_core/estimation/belief.hpp"
+#include "posfet_core/estimation/block.hpp"
+#include "posfet_core/flags.hpp"
+#include "posfet_core/grid.hpp"
 #include "posfet_core/recycled.hpp"
 
 namespace posfet {
@@ -27,6 +30,30 @@ constexpr int kHop = 4;
 
 /// Error of b as a force is never quite steady, whatever it seems: standard deviation [1], assumed.
 constexpr double kSteadiness = 0.02;
+
+/// What the touched taxels do in a window of blocks.
+struct SteadyWindow {
+  SteadyWindow(Vector<double> times, std::size_t taxels);
+
+  /// Add the estimated force, with the present shared states, and the charge that is left, as a force up to a constant
+  /// [N], of a taxel in a block.
+  void add(std::size_t block, std::size_t taxel, double its_force, double its_charge);
+
+  Vector<double> time;              ///< Times of the blocks [s].
+  Vector<double> weights;           ///< Weights of the blocks in the slope of a trend [1/s].
+  Vector<double> force;             ///< Sums of the forces of each block [N].
+  Vector<double> charge;            ///< Sums of the charges of each block [N].
+  Vector<double> force_rate;        ///< Slope of the force of each taxel [N/s].
+  Vector<double> charge_rate;       ///< Slope of the charge of each taxel [N/s].
+  Vector<Vector<double>> response;  ///< Response of the error of the sum of forces to each of the shared states,
+                                    ///< [states][blocks]; zero for states that are not constant.
+};
+
+/// Taxels that have been in contact in all stored blocks, of those that count.
+Taxels held_taxels(const LastBlocks& blocks, const TaxelFlags& counts);
+
+/// What some taxels did in the stored blocks, as the belief has their errors.
+SteadyWindow window_of(const LastBlocks& blocks, const Belief& belief, const Taxels& held);
 
 /// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
 struct SharedMeasurement {
