@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "posfet_core/product.hpp"
 
@@ -66,20 +67,16 @@ SquareMatrix ErrorPriors::covariance() const {
   return covariance;
 }
 
-SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
-    : film_lag_(film_lag),
-      rate_change_(priors.rate_change),
-      slow_rate_(priors.slow_rate),
-      dead_share_(priors.dead_share),
-      noise_(priors.covariance()) {
+SharedDynamics::SharedDynamics(ErrorPriors priors, double film_lag)
+    : priors_(std::move(priors)), film_lag_(film_lag), noise_(priors_.covariance()) {
   for (double& variance : noise_) {
     variance /= kForget;
   }
-  noise_[at(kRate, kRate)] = priors.rate_walk * priors.rate_walk;
+  noise_[at(kRate, kRate)] = priors_.rate_walk * priors_.rate_walk;
   for (const std::size_t state : {kSensor, kEarlier, kZero, kDrift, kTail}) {
     noise_[at(state, state)] = 0.0;
   }
-  set_film_walk(priors.film_walk * priors.film_walk);
+  set_film_walk(priors_.film_walk * priors_.film_walk);
   transition_ = {std::vector<double>(kSharedStates), SquareMatrix(noise_.size()), SquareMatrix(noise_.size())};
   maneuver_.resize(kSharedStates);
 }
@@ -118,13 +115,13 @@ SharedTransition& SharedDynamics::transition(const std::vector<double>& state, d
   std::transform(noise_.begin(), noise_.end(), transition_.noise.begin(),
                  [duration](double each) { return each * duration; });
   if (const double rate = std::abs(state[kRate]); rate > 0.0) {
-    const double change = rate_change_ * rate;
-    transition_.noise[at(kRate, kRate)] += change * change * duration * rate / (rate + slow_rate_);
+    const double change = priors_.rate_change * rate;
+    transition_.noise[at(kRate, kRate)] += change * change * duration * rate / (rate + priors_.slow_rate);
   }
-  if (dead_share_ > 0.0) {
+  if (priors_.dead_share > 0.0) {
     // Far behind by a constant rate, sensors of both kinds are the same; until then they differ by a part of what they
     // are not yet behind, with the same sign for as long as the lag.
-    const double unlike = dead_share_ * (state[kChip] - state[kSensor] - time * (state[kRate] + warming)) / time;
+    const double unlike = priors_.dead_share * (state[kChip] - state[kSensor] - time * (state[kRate] + warming)) / time;
     transition_.noise[at(kSensor, kSensor)] += unlike * unlike * duration * time;
   }
   return transition_;

@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "posfet_core/medians.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -19,9 +20,7 @@ RestDetector::RestDetector(std::size_t taxels, double noise, double offset_sprea
     : still_(kStill * noise),
       offset_spread_(offset_spread),
       leak_time_(kLeaked * time_constant),
-      signal_(taxels, std::numeric_limits<double>::infinity()) {
-  work_.reserve(taxels);
-}
+      signal_(taxels, std::numeric_limits<double>::infinity()) {}
 
 void RestDetector::start(const double* signal) {
   std::copy(signal, signal + signal_.size(), signal_.begin());
@@ -38,27 +37,27 @@ bool RestDetector::update(const double* signal, const bool* ignored, double dura
   if (duration_ >= leak_time_) {
     return true;
   }
-  work_.clear();
+  Vector<double> signals;
   for (std::size_t taxel = 0; taxel < signal_.size(); ++taxel) {
     if (!ignored[taxel]) {
-      work_.push_back(signal[taxel]);
+      signals.push_back(signal[taxel]);
     }
   }
-  const double middle = upper_median(work_);
-  return std::all_of(work_.begin(), work_.end(),
+  const double middle = upper_median(signals);
+  return std::all_of(signals.begin(), signals.end(),
                      [this, middle](double each) { return std::abs(each - middle) <= offset_spread_; });
 }
 
 bool RestDetector::has_moved(const double* signal, const bool* ignored, bool warming) {
   double common = 0.0;
   if (warming) {
-    work_.clear();
+    Vector<double> changes;
     for (std::size_t taxel = 0; taxel < signal_.size(); ++taxel) {
       if (!ignored[taxel]) {
-        work_.push_back(signal[taxel] - signal_[taxel]);
+        changes.push_back(signal[taxel] - signal_[taxel]);
       }
     }
-    common = upper_median(work_);
+    common = upper_median(changes);
   }
   std::size_t moving = 0;
   bool far = false;

@@ -14,6 +14,7 @@
 #include "force_estimator_constants.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/medians.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -21,38 +22,30 @@ UniformChange::UniformChange(std::vector<double> newton_per_kelvin, double sprea
     : per_kelvin_(std::move(newton_per_kelvin)),
       spread_(spread),
       observable_(per_kelvin_.size() >= kFewestForUniform &&
-                  std::all_of(per_kelvin_.begin(), per_kelvin_.end(), [](double each) { return each != 0.0; })) {
-  work_.reserve(per_kelvin_.size());
-}
-
-double UniformChange::median_of(const double* values, const bool* where) {
-  work_.clear();
-  for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
-    if (where[taxel]) {
-      work_.push_back(values[taxel]);
-    }
-  }
-  return median(work_);
-}
+                  std::all_of(per_kelvin_.begin(), per_kelvin_.end(), [](double each) { return each != 0.0; })) {}
 
 double UniformChange::temperature(const double* residual, const bool* where, const double* deviation, const double* own,
                                   double duration, bool noticed) {
-  work_.clear();
+  Vector<double> kelvins;
+  Vector<double> deviations;
+  Vector<double> own_deviations;
   double response = 0.0;
   for (std::size_t taxel = 0; taxel < per_kelvin_.size(); ++taxel) {
     if (where[taxel]) {
-      work_.push_back(residual[taxel] / per_kelvin_[taxel]);
+      kelvins.push_back(residual[taxel] / per_kelvin_[taxel]);
+      deviations.push_back(deviation[taxel]);
+      own_deviations.push_back(own[taxel]);
       response += per_kelvin_[taxel];
     }
   }
-  if (!observable_ || work_.size() < kFewestForUniform) {
+  if (!observable_ || kelvins.size() < kFewestForUniform) {
     return 0.0;
   }
-  const auto count = static_cast<double>(work_.size());
-  const double kelvin = median(work_);
+  const auto count = static_cast<double>(kelvins.size());
+  const double kelvin = median(kelvins);
   const double force = kelvin * response / count;  // mean of the taxels
-  const double single = median_of(deviation, where);
-  const double alone = median_of(own, where);
+  const double single = median(deviations);
+  const double alone = median(own_deviations);
   const double shared = std::max(single * single - alone * alone, 0.0);
   const double least = (noticed ? kSurprising : kGate) * std::sqrt(shared + alone * alone / count);
   if (std::abs(force) < least) {

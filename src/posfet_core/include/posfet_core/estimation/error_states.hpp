@@ -101,7 +101,7 @@ public:
   static constexpr double kGreatestLag = 3.0;
 
   /// Time constant of the film's lag behind the chip [s], >= 0.
-  SharedDynamics(const ErrorPriors& priors, double film_lag);
+  SharedDynamics(ErrorPriors priors, double film_lag);
 
   /// Set the variance by which the temperature of chip and film grows in each second [K2/s].
   void set_film_walk(double intensity);
@@ -118,10 +118,8 @@ public:
   static double sensor_lag(const std::vector<double>& state);
 
 private:
+  ErrorPriors priors_;
   double film_lag_;
-  double rate_change_;
-  double slow_rate_;
-  double dead_share_;
   SquareMatrix noise_;  ///< Of the process, in each second.
   SharedTransition transition_;
   std::vector<double> maneuver_;

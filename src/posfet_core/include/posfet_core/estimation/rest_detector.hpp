@@ -55,7 +55,6 @@ private:
   std::vector<double> signal_;  ///< Reference signals [N].
   double duration_ = 0.0;       ///< Time since the last motion [s].
   bool moved_ = false;
-  std::vector<double> work_;
 };
 
 }  // namespace posfet

@@ -84,14 +84,11 @@ public:
   void close() { open_ = std::numeric_limits<double>::quiet_NaN(); }
 
 private:
-  double median_of(const double* values, const bool* where);
-
   std::vector<double> per_kelvin_;
   double spread_;
   bool observable_;
   double pause_ = 0.0;                                      ///< Time for which the hypothesis must not be made [s].
   double open_ = std::numeric_limits<double>::quiet_NaN();  ///< Time for which it has been open [s]; NaN: it is not.
-  std::vector<double> work_;
 };
 
 }  // namespace posfet
