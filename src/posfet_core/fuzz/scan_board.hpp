@@ -138,7 +138,7 @@ struct Board {
         temperatures{25.0F, 25.0F} {
     const std::size_t taxels = counts.size();
     estimator = make_estimator(layout, taxels);
-    integration = estimator->shared_integration();
+    integration = estimator->integration();
     const TaxelFigures figures{kThreshold, 0.01,  kNoise, 1.0 / kCountsPerNewton, 4.0, kTimeConstant,
                                200.0,      false, true};
     faults = std::make_shared<TaxelFaultDetector>(skin, figures, nullptr);

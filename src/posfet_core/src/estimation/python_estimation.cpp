@@ -407,7 +407,7 @@ void bind_estimator(const py::module_& module) {
             py::arg("leak_temperature") = kUnknown, py::arg("noise"), py::arg("threshold"), py::arg("greatest_force"),
             py::arg("left_charge"), py::arg("film_lag"), py::arg("priors"));
   bind_estimator_methods(bound);
-  bound.def_property_readonly("integration", &ForceEstimator::shared_integration, "What happens in every scan.")
+  bound.def_property_readonly("integration", &ForceEstimator::integration, "What happens in every scan.")
       .def_property_readonly("belief", &ForceEstimator::belief, "Means and covariance of the force errors.")
       .def_property_readonly("block_time", &ForceEstimator::block_time, "Duration of the current block so far [s].")
       .def_property_readonly("valid", &ForceEstimator::valid, "Whether the forces of all taxels are valid.")

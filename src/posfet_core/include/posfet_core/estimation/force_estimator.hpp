@@ -97,9 +97,7 @@ public:
   std::size_t taxels() const { return array_.time_constant.size(); }
 
   /// What happens in every scan, and the state that it changes.
-  const std::shared_ptr<ForceIntegration>& shared_integration() const { return integration_; }
-  ForceIntegration& integration() { return *integration_; }
-  const ForceIntegration& integration() const { return *integration_; }
+  const std::shared_ptr<ForceIntegration>& integration() const { return integration_; }
 
   /// Duration of the current block so far [s].
   double block_time() const { return integration_->block().elapsed; }
