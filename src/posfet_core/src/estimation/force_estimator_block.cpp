@@ -222,9 +222,7 @@ void ForceEstimator::add_warmth_noise(Block& block) {
     const double left = warmth_[taxel] > 0.0 ? warmth / warmth_[taxel] : 0.0;
     block.cooled[taxel] = std::min(std::max(1.0 - left, 0.0), cooled);
     const double differs = std::max(warmed, warmed_[taxel]) - square(1.0 - block.cooled[taxel]) * warmed_[taxel];
-    own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] = differs;
-    own[own_at(kOwnWarmth, kOwnWarmth)] = differs;
-    own[own_at(kForceError, kForceError)] += differs;
+    add_own_warmth(own, differs);
     own[own_at(kSmallForce, kSmallForce)] = std::max(warmed - warmed_[taxel], 0.0);
     warmed_[taxel] = warmed;
     warmth_[taxel] = warmth;
@@ -259,12 +257,8 @@ void ForceEstimator::add_unknown_warmth(Block& block) const {
     return;
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
-    const double unknown = touched_[taxel] && !block.touched[taxel] ? square(array_.threshold) : 0.0;
-    for (const std::size_t row : {kForceError, kOwnWarmth}) {
-      for (const std::size_t column : {kForceError, kOwnWarmth}) {
-        own[own_at(row, column)] += unknown;
-      }
+    if (touched_[taxel] && !block.touched[taxel]) {
+      add_own_warmth(block.own_noise.data() + taxel * kOwnStates * kOwnStates, square(array_.threshold));
     }
   }
 }

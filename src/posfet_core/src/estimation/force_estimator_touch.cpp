@@ -133,11 +133,7 @@ void ForceEstimator::reset_released(const Block& block) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
       absorbed_.touch(taxel);
-      const double warmth = square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]);
-      double* own = belief()->own_of(taxel);
-      own[own_at(kForceError, kForceError)] += warmth;
-      own[own_at(kForceError, kOwnWarmth)] = own[own_at(kOwnWarmth, kForceError)] += warmth;
-      own[own_at(kOwnWarmth, kOwnWarmth)] += warmth;
+      add_own_warmth(belief()->own_of(taxel), square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]));
     }
     if (zeros_[taxel]) {
       belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,

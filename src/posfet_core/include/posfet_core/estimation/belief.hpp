@@ -34,6 +34,15 @@ constexpr std::size_t kOwnWarmth = 4;     ///< w [N]: the part of d that vanishe
 /// Place of an element of the covariance of a taxel's states.
 constexpr std::size_t own_at(std::size_t row, std::size_t column) { return row * kOwnStates + column; }
 
+/// Add a variance to the own warmth of a taxel, which is a part of the error of its force, in their covariance.
+inline void add_own_warmth(double* covariance, double variance) {
+  double& both = covariance[own_at(kOwnWarmth, kForceError)];
+  both += variance;
+  covariance[own_at(kForceError, kOwnWarmth)] = both;
+  covariance[own_at(kForceError, kForceError)] += variance;
+  covariance[own_at(kOwnWarmth, kOwnWarmth)] += variance;
+}
+
 /// Means and covariance of the force errors; all arrays row by row.
 class Belief {
 public:
