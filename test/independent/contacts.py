@@ -349,6 +349,8 @@ class Scene:
     touches: tuple[Touch, ...]
     chip: Knots = ((0.0, 0.0),)
     """Chip temperature relative to its start [K], linear from knot to knot."""
+    starts: float = 0.0
+    """Time from which the board sends [s]; where that is not 0, something touches already."""
     sharp: bool = False
     """Whether every scan is judged, as within milliseconds; else one in ten."""
 
@@ -651,6 +653,16 @@ def scenes() -> dict[str, Scene]:
                 Touch(rectangle(4 * mm, 4 * mm), _press(64.0, 88.0, 2.0, 0.3), ((0.0, 0.5 * mm),)),
             ),
             chip=[(at, 5.0 * -math.expm1(-at / 60.0)) for at in np.linspace(0.0, 95.0, 191).tolist()],
+        ),
+        Scene(
+            "held_at_start",  # by a finger that has warmed the chip for long
+            47.0,
+            (
+                Touch(finger, _press(2.0, 24.0, 1.0, 0.2), ((0.0, 0.4 * mm),), ((0.0, 0.3 * mm),)),
+                Touch(finger, _press(27.0, 31.0, 1.0, 0.2), ((0.0, 0.4 * mm),), ((0.0, 0.3 * mm),)),
+                Touch(finger, _press(33.0, 41.0, 2.0, 0.2), ((0.0, -0.8 * mm),), ((0.0, -0.6 * mm),)),
+            ),
+            starts=20.0,
         ),
         Scene(
             "two_fingers",  # unequal, and one is lifted first

@@ -31,6 +31,7 @@ from independent.stand import calibration_of
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 
@@ -91,7 +92,8 @@ def rows() -> dict[str, Row]:
         **dict.fromkeys(("sliding", "ridged", "rolling"), Limits(6.0, 90.0, 2.0)),
         "hold300": Limits(None, 90.0, 2.0, clean=True, doubtful=20.0, left=0.02),
         **dict.fromkeys(
-            ("ring", "overload", "tap", "slow", "pad", "pad_slow", "power_on", *grips), Limits(None, 90.0, 2.0)
+            ("ring", "overload", "tap", "slow", "pad", "pad_slow", "power_on", "held_at_start", *grips),
+            Limits(None, 90.0, 2.0),
         ),
     }
     drift = Effects(drift=2.0 / 60.0, sensor_lag=1.0, sensor_offset=0.3, chip_warming=0.05)
@@ -248,12 +250,15 @@ def play(sensor: Sensor, calibration: Calibration | None, scene: Scene, load: Lo
     Verdict
         Measures.
     """
-    reconstructor = Reconstructor(sensor, calibration)
+    reconstructor = Reconstructor(sensor, calibration, ReconstructionSettings(touch_at_start=scene.starts > 0.0))
+    first = round(scene.starts * sensor.can.scan_rate)
     stride = 1 if scene.sharp else STRIDE
     listed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
     kept: list[int] = []
     forces, deviations, totals, total_deviations, valid = [], [], [], [], []
     for row, scan in enumerate(scans(sensor, recording)):
+        if scan.sequence < first:
+            continue
         result, number = reconstructor.process(scan), scan.sequence
         if row % stride or not result.accepted:
             continue
@@ -270,7 +275,7 @@ def play(sensor: Sensor, calibration: Calibration | None, scene: Scene, load: Lo
     truth = load.force[kept] + recording.late * (
         load.force[np.minimum(np.array(kept) + 1, len(load.force) - 1)] - load.force[kept]
     )
-    time = np.array(kept) / sensor.can.scan_rate
+    time = np.array(kept) / sensor.can.scan_rate - scene.starts
     verdict = _measured(
         sensor,
         time,

@@ -612,6 +612,35 @@ class JumpNoise:
     def variance(self, duration: float) -> NDArray[np.float64]: ...
     def least_offset_variance(self) -> NDArray[np.float64]: ...
 
+class LoneDrift:
+    BLOCKS: Final[int]
+    HOP: Final[int]
+    DRIFTS: Final[float]
+    OTHERS: Final[float]
+    WINDOWS: Final[int]
+    SAME: Final[float]
+    class Drift:
+        @property
+        def taxel(self) -> int: ...
+        @property
+        def rate(self) -> float: ...
+        @property
+        def earliest(self) -> float: ...
+        @property
+        def latest(self) -> float: ...
+
+    def __init__(self, taxels: int) -> None: ...
+    def restart(self) -> None: ...
+    def observe(
+        self,
+        mean: ArrayLike,
+        counts: ArrayLike,
+        listed: ArrayLike,
+        touched: ArrayLike,
+        variance: float,
+        duration: float,
+    ) -> Drift | None: ...
+
 class TemperatureWalk:
     def __init__(self, least: float, film_lag: float) -> None: ...
     @property

@@ -15,8 +15,6 @@
 
 namespace posfet {
 
-namespace {}  // namespace
-
 TelegraphDetector::TelegraphDetector(const SkinResponse& skin, double time_constant)
     : skin_(skin),
       time_constant_(time_constant),

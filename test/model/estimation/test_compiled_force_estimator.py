@@ -69,6 +69,8 @@ class Story:
     """Amplitude of the telegraph noise of every fifth taxel [N]."""
     warmth: float = 0.0
     """By how much what touches is warmer than the film [K]."""
+    held: bool = False
+    """Whether something touches since before the start."""
 
     @property
     def tolerance(self) -> float:
@@ -113,6 +115,10 @@ class Film:
         self._high = np.zeros(layout.taxels, np.bool_)
         self.chip = self.film = self.rate = 0.0
         self.gain = self.random.normal(1.0, 0.02, layout.taxels)
+        if story.held:
+            self.press()
+            for _ in range(round(5.0 / STEP)):
+                self.after(STEP)
 
     def press(self) -> None:
         """Let a finger press anywhere, or lift it."""
@@ -282,6 +288,8 @@ class Both:
         self.seen["lower bound"] += bool(python._lower_bound.mask.any())
         self.seen["walk observed"] += python._walk.intensity > python._walk._least
         self.seen["jumps observed"] += bool(np.any(python._jumps.least_offset_variance()))
+        self.seen["lone drift"] = python.lone_drifts
+        self.seen["left unseen"] += bool(python._left_force.any())
         self.seen["rising"] += bool(python._unexplained.rising.any())
         self.seen["hot film"] += python._hot
         self.seen["warmed"] += bool(python._thermal_contact.warmed.any())
@@ -360,6 +368,11 @@ STORIES = {
     ),
     "interruptions": (Story(5, 5, 5, trouble=0.2, kinds=(ONSET, GAP)), ("lower bound", "invalid")),
     "telegraph noise": (Story(5, 5, 6, telegraph=5e-3), ("jumps observed",)),
+    "signals that step as forces move": (Story(2, 2, 9, telegraph=3e-3), ("lone drift",)),
+    "objects held since before the start": (
+        Story(5, 5, 3, force=2.0, held=True, calibrated=True, warmth=0.03),
+        ("left unseen", "valid"),
+    ),
     "presses that are found late": (Story(5, 5, 7, trouble=0.3, kinds=(ONSET, UNLISTED)), ("absorbed",)),
     "a filter that diverges": (Story(5, 5, 9, trouble=0.03, kinds=(ONSET, DIVERGED)), ("restarts", "valid")),
     "one taxel": (Story(1, 1, 8, trouble=0.2), ("touched",)),

@@ -40,6 +40,7 @@ from reference.estimation.known_forces import (
     UnexplainedResiduals,
     UniformChange,
 )
+from reference.estimation.lone_drift import LoneDrift
 from reference.estimation.rest_detector import RestDetector
 from reference.estimation.signal_steps import HALF, signal_steps
 from reference.estimation.steady_force import HOP, SteadyForce
@@ -159,6 +160,14 @@ HOTTEST_OBJECT: Final = 15.0
 """Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot."""
 WARMING_TIMES: Final = 2.0
 """Time that a touch must last to show what it warms, in time constants of that warmth [1]."""
+LEAST_TOUCH: Final = 0.2
+"""Time that it must last to warm anything beyond a doubt [s], assumed."""
+COOLED: Final = 4.0
+"""Time constants after which the film is no longer warm [1]."""
+HIDES: Final = 2.0
+"""What warmth hides, over the force that causes most of it, from which on such forces come and go [1]."""
+RECOVERING: Final = 1.0
+"""Time in which a film may recover from a force that no response knows by as much as it creeps [s], assumed."""
 
 RELEASING: Final = 0.9
 """Share of the greatest force of the last blocks below which the force falls as in a release [1]."""
@@ -262,6 +271,8 @@ class ForceEstimator:
     _zero_known: bool = False
     _leaked_since: float = 0.0
     _farthest: float = 0.0
+    lone_drifts: int = 0
+    """Number of drifts of single taxels that were found."""
 
     def __init__(
         self,
@@ -312,7 +323,7 @@ class ForceEstimator:
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
-        self._jumps = JumpNoise(self._tau)
+        self._jumps, self._lone_drift = JumpNoise(self._tau), LoneDrift(taxels)
         self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, float(self._tau.max()))
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, NEGATIVE_TIME, LOST_FORCE_TIME)
@@ -341,7 +352,7 @@ class ForceEstimator:
         self._refutation, self._witnesses = ZeroRefutation(), Witnesses()
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
-        self._touched_for = 0.0
+        self._touches, self._touched_for = False, 0.0
         self._usual_rate = self._greatest_touch = 0.0  # rate of the temperature before the touch; its greatest force
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
@@ -358,6 +369,8 @@ class ForceEstimator:
         self._usual, self._touch_force, self._share, self._tail, self._warmed, self._warmth = np.zeros((6, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._usual_offset, self._stepped, self._hidden, self._felt = np.zeros((5, taxels))
+        self._left_force = np.zeros(taxels)  # that left unseen, forgotten as the film recovers from it [N]
+        self._unseen_for = 0.0  # time since then [s]
         self._tapped = np.zeros(taxels, np.bool_)
         self._factor = scans.correlated_error
         fastest = math.hypot(self._priors.creep_mean[0], self._priors.creep[0])
@@ -509,7 +522,7 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
-        self._hot, self._shown_hot, self._touched_for = False, False, 0.0
+        self._hot, self._shown_hot, self._touches, self._touched_for = False, False, False, 0.0
         self._thermal_contact.reset()
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
@@ -543,7 +556,8 @@ class ForceEstimator:
         """Forget all, as if the next scan were the first one: what was known is wrong."""
         self._farthest = self._touched_for = 0.0
         self._refutation.wide = False
-        self._hot = self._shown_hot = self._zero_known = False
+        self._left_force[:] = 0.0
+        self._hot = self._shown_hot = self._touches = self._zero_known = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -578,6 +592,7 @@ class ForceEstimator:
         self._process(block, any_true(begun))
         self._listed = listed
         self._observe_steady_force()
+        self._observe_lone_drift(block)
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         bends = slice(Shared.BEND, Shared.BEND + BENDS)
         predicted = self._filter.predicted(block.response)
@@ -750,6 +765,26 @@ class ForceEstimator:
         if found.innovation**2 < SURPRISING**2 * expected:
             self._filter.measure_shared(found.innovation, found.sensitivity, found.variance)
 
+    def _observe_lone_drift(self, block: Block) -> None:
+        """Find a taxel whose force drifts alone: its signal has stepped, since it was last known to be still."""
+        if self._hidden_share > HIDES:
+            self._lone_drift.restart()
+            return
+        counts = self.offset_known & ~self.ignored & ~self._lower_bound.mask
+        found = self._lone_drift.observe(
+            self._mean, counts, block.listed, block.touched, float(block.noise.max()), block.span
+        )
+        if found is None:
+            return
+        step = np.zeros(len(self._mean))
+        step[found.taxel] = found.rate / self._per_second()[found.taxel]
+        self.belief.error[found.taxel, 1] += step[found.taxel]
+        self.belief.error[found.taxel, 0] += step[found.taxel] + 0.5 * (found.earliest + found.latest) * found.rate
+        self.belief.own[found.taxel, 0, 0] += ((found.earliest - found.latest) * found.rate) ** 2 / 12.0
+        self._jumps.admit(step)
+        self.lone_drifts += 1
+        self._forget_blocks()
+
     @property
     def _reading_interval(self) -> float:
         """Interval at which new readings of the temperature come [s]."""
@@ -799,7 +834,7 @@ class ForceEstimator:
         own_noise[:, :2, :2] += p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second() ** 2)
-        grown += self._jumped + self._step_noise(touched, span) + self._clipped_noise()
+        grown += self._jumped + self._step_noise(touched, span) + self._clipped_noise() + self._recovery_noise(span)
         left = np.divide(warmth, self._warmth, out=np.zeros_like(warmth), where=self._warmth > 0.0)
         cooled = np.minimum(np.maximum(1.0 - left, 0.0), -math.expm1(-span / p.warmth_time))
         differs = np.maximum(warmed, self._warmed) - (1.0 - cooled) ** 2 * self._warmed
@@ -853,6 +888,14 @@ class ForceEstimator:
         noise: Array = (np.sqrt(wrong) + clipped) ** 2 - wrong
         clipped[:] = 0.0
         return noise
+
+    def _recovery_noise(self, span: float) -> Array:
+        """Return by what variance forces may recover in a time from those that left unseen [N2]."""
+        p = self._priors
+        self._unseen_for += span
+        self._left_force *= math.exp(-span / p.creep_times[-1])
+        creep = sum(math.hypot(*each) for each in zip(p.creep_mean, p.creep, strict=True))
+        return np.asarray((creep * self._left_force) ** 2 * (span / RECOVERING))
 
     def _rate_noise(self, before: float, total: float, warmed_by: float) -> float:
         """Return the variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
@@ -916,10 +959,16 @@ class ForceEstimator:
         slower = max(1.0 + float(shared[Shared.LEAK]), LEAST_LEAK) / self._integration.leak - 1.0
         self._touch.advance(force, least, most, self._elapsed, slower, float(shared[Shared.WARMTH]))
 
+    @property
+    def _hidden_share(self) -> float:
+        """What warmth hides of a force, over the force that causes most of that warmth [1]."""
+        hidden = -self._mean_per_kelvin * float(self.belief.shared[Shared.WARMTH])
+        return hidden / max(self._priors.warmth_force, self._threshold)
+
     def _follow_thermal_contact(self) -> None:
         """Follow what the taxels read but for their warmth, where that may be all of a force."""
         warmth, weak = self.belief.shared[[Shared.WARMTH, Shared.WEAK_WARMTH]].tolist()
-        if -self._mean_per_kelvin * warmth <= max(self._priors.warmth_force, self._threshold):
+        if self._hidden_share <= 1.0:
             self._thermal_contact.reset()
             return
         warmed = warmth * self._touch.warm + weak * self._touch.range
@@ -1047,6 +1096,7 @@ class ForceEstimator:
         """Forget what could be processed again, as that would undo what has been decided."""
         self._blocks.clear()
         self._witnesses.clear()
+        self._lone_drift.restart()
 
     def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> tuple[float, float, float, float]:
         """Update a belief by a new reading of the temperature sensors; return its difference from the expected one [K].
@@ -1149,14 +1199,13 @@ class ForceEstimator:
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         # Of a release, some blocks look like a film that cools.
         odd |= (self._unexplained.below > 0.0) & (residual < -self._threshold)
-        if any_true(zeros := where & ~odd):
+        unseen = (self._left_force > 0.0) & ~self.ignored & (self._unseen_for < COOLED * p.warmth_time)
+        if any_true(zeros := where & ~odd & ~unseen):
             f.update(zeros, residual, sensitivity, noise)
         faulty = self.ignored & self.offset_known & ~block.listed
-        if any_true(faulty):
-            # A noisy taxel still counts in a contact, and so must be zero before it.
-            f.update_alone(
-                faulty & ~block.touched & ~odd, f.innovation(measured, response, noise)[0], sensitivity, noise
-            )
+        # A noisy taxel still counts in a contact, and so must be zero before it.
+        if any_true(alone := (faulty | unseen) & ~block.touched & ~odd):
+            f.update_alone(alone, f.innovation(measured, response, noise)[0], sensitivity, noise)
         if block is self._blocks[-1]:
             watched = judged | faulty
             # What most taxels share is no touch of a single one.
@@ -1270,6 +1319,10 @@ class ForceEstimator:
                 for i, j in ((0, 0), (0, 4), (4, 0), (4, 4)):
                     belief.own[cooling, i, j] += warmth
                 belief.reset_force_error(released, block.mean, block.response, block.noise)
+                left = float(residual[released].sum())  # it no longer warms the chip
+                self._filter.admit(np.eye(COUNT)[Shared.RATE], (self._priors.touch_rate * left) ** 2)
+                self._rested = self._unseen_for = 0.0
+                self._left_force[cooling] = np.maximum(self._left_force, -residual)[cooling]
                 errors &= ~released
                 self._untouched_time[cooling] = 0.0
                 self._zero_known, self._refutation.wide = True, False
@@ -1291,8 +1344,11 @@ class ForceEstimator:
         """Return whether the film is hotter than was known.
 
         It is where a touch may have warmed it and forces stay below zero, as no object pulls. Only what has touched
-        since before the start and is released does that, too. Such taxels are left as they are, until it has cooled.
+        since before the start and is released does that, too, which may look like a brief touch. Such taxels are left
+        as they are, until it has cooled.
         """
+        if self._touched_for < LEAST_TOUCH:
+            return False
         possible = np.abs(residual) < HOTTEST_OBJECT * np.abs(self._per_kelvin)
         hot = any_true(below & self._may_be_warm() & possible)
         self._hot, self._shown_hot = self._hot or hot, self._shown_hot or hot
@@ -1300,12 +1356,13 @@ class ForceEstimator:
 
     def _follow_touch(self, block: Block) -> None:
         """Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown."""
-        if any_true(block.touched):
-            self._touched_for += block.duration
-            return
-        if self._touched_for >= WARMING_TIMES * self._priors.warmth_time:
+        touches = any_true(block.touched)
+        if touches and not self._touches:
+            self._shown_hot, self._touched_for = False, 0.0
+        if self._touches and not touches and self._touched_for >= WARMING_TIMES * self._priors.warmth_time:
             self._hot = self._shown_hot
-        self._shown_hot, self._touched_for = False, 0.0
+        self._touched_for += block.duration if touches else 0.0
+        self._touches = touches
 
     def _set_zero(self, where: Mask, alone: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels, of which some tell nothing of what taxels share."""

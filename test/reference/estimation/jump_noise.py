@@ -86,7 +86,17 @@ class JumpNoise:
         seen = np.where(step != 0.0, step * step, np.where(falls, 2.0 * square, 0.0))
         rate = seen / SEEN / duration - self._squares
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
-        # One that steps does so again, however long it was quiet before.
+        self.admit(step)
+
+    def admit(self, step: Array) -> None:
+        """Take steps of the signals that were found otherwise: one that steps does so again, however long it was quiet.
+
+        Parameters
+        ----------
+        step : ndarray of float64, shape [taxels]
+            Steps [N]; 0: none.
+        """
+        self._any = self._any or bool(step.any())
         np.maximum(self._squares, step * step / DWELL, out=self._squares)
 
     def variance(self, duration: float) -> Array | float:

@@ -103,6 +103,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       release_(taxels()),
       rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
       held_forces_(Grid(array_.layout)),
+      lone_drift_(taxels()),
       thermal_contact_(taxels(), priors_.warmth_time, array_.threshold),
       rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
@@ -119,9 +120,9 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       passed_(taxels(), touch_),
       left_deviation_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)) {
-  for (auto* values : {&leaked_, &mean_, &last_mean_, &steady_, &stepped_, &tail_, &touch_force_, &warmed_, &warmth_,
-                       &own_, &measured_, &noise_, &residual_, &untouched_variance_, &deviation_, &own_deviation_,
-                       &leaked_share_, &values_}) {
+  for (auto* values : {&leaked_, &mean_, &last_mean_, &steady_, &stepped_, &left_force_, &tail_, &touch_force_,
+                       &warmed_, &warmth_, &own_, &measured_, &noise_, &residual_, &untouched_variance_, &deviation_,
+                       &own_deviation_, &leaked_share_, &values_}) {
     values->assign(taxels(), 0.0);
   }
   for (auto* values : {&response_, &unheated_response_, &sensitivity_, &driven_}) {
@@ -357,6 +358,7 @@ void ForceEstimator::start(const double* charge) {
 void ForceEstimator::forget() {
   farthest_ = 0.0;
   zero_known_ = false;
+  std::fill(left_force_.begin(), left_force_.end(), 0.0);
   refutation_.clear();
   hot_film_.forget();
   *belief() = *make_belief(taxels(), priors_);
@@ -482,6 +484,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   }
   listed_.set(block.listed.data());
   observe_steady_force();
+  observe_lone_drift();
   release(block, listed_contacts);
   if (lower_bound_.mask().any()) {
     end_unknown_touch(block);
@@ -509,6 +512,7 @@ bool ForceEstimator::is_refuted(Block& block) {
 void ForceEstimator::forget_blocks() {
   blocks_.clear();
   witnesses_.clear();
+  lone_drift_.restart();
 }
 
 }  // namespace posfet

@@ -34,6 +34,12 @@ constexpr double kLeastLeak = 0.5;
 /// Force of which only is known that it has all of the thermal contact [N].
 constexpr double kSaturating = std::numeric_limits<double>::infinity();
 
+/// Time in which a film may recover from a force that no response knows by as much as it creeps [s], assumed.
+constexpr double kRecovering = 1.0;
+
+/// What warmth hides, over the force that causes most of it, from which on such forces come and go [1].
+constexpr double kHides = 2.0;
+
 /// Deviations of a block's mean by which a force must change to have moved [1].
 constexpr double kPlay = 4.0;
 
@@ -125,6 +131,11 @@ void ForceEstimator::measure_touch(Block& block) {
   block.warming = touch_.warming();
 }
 
+/// What warmth hides of a force, over the force that causes most of that warmth [1].
+double ForceEstimator::hidden_share() const {
+  return -mean_per_kelvin() * belief()->shared[kWarmth] / std::max(priors_.warmth_force, array_.threshold);
+}
+
 /// Raise what forces are at least, where warmth might be all of them, to what they were when what certainly presses
 /// beside them came to rest.
 void ForceEstimator::add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration) {
@@ -145,7 +156,7 @@ void ForceEstimator::add_held_forces(const std::vector<double>& force, std::vect
 /// Follow what the taxels read but for their warmth, where that may be all of a force.
 void ForceEstimator::follow_thermal_contact(double duration) {
   const std::vector<double>& shared = belief()->shared;
-  if (-mean_per_kelvin() * shared[kWarmth] <= std::max(priors_.warmth_force, array_.threshold)) {
+  if (hidden_share() <= 1.0) {
     thermal_contact_.reset();
     return;
   }
@@ -199,15 +210,23 @@ void ForceEstimator::measure_process_noise(Block& block) {
 
 /// Add what noise and steps of the signals, and of their offsets, do to the forces.
 void ForceEstimator::add_signal_noise(Block& block) {
+  unseen_for_ += block.span;
+  double creep = 0.0;
+  for (std::size_t each = 0; each < kCreeps; ++each) {
+    creep += std::hypot(priors_.creep_mean[each], priors_.creep[each]);
+  }
+  const double kept = std::exp(-block.span / priors_.creep_times.back());
   const double walk = square(priors_.offset_walk) * block.span;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
     const double leaked = integration_->block().square * square(block.leak / array_.time_constant[taxel]);
     const double stepped = rest_noise_.jumps().variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
+    left_force_[taxel] *= kept;
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
-    own[own_at(kForceError, kForceError)] =
-        walk + noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped + clipped_noise(taxel);
+    own[own_at(kForceError, kForceError)] = walk + square(creep * left_force_[taxel]) * (block.span / kRecovering) +
+                                            noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped +
+                                            clipped_noise(taxel);
   }
 }
 
@@ -336,6 +355,37 @@ void ForceEstimator::observe_steady_force() {
   if (square(found->innovation) < square(kSurprising) * expected) {
     filter_.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
   }
+}
+
+/// Find a taxel whose force drifts alone: its signal has stepped. Not where warmth may be all of a force, which it
+/// keeps up as it comes and goes.
+void ForceEstimator::observe_lone_drift() {
+  if (hidden_share() > kHides) {
+    lone_drift_.restart();
+    return;
+  }
+  const Block& block = blocks_.newest();
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = !ignored()[taxel] && !lower_bound_.mask()[taxel] && offset_known()[taxel];
+  }
+  const double noise = *std::max_element(block.noise.begin(), block.noise.end());
+  const auto found =
+      lone_drift_.observe(mean_.data(), chosen_.data(), block.listed.data(), block.touched.data(), noise, block.span);
+  if (found) {
+    admit_step(*found);
+  }
+}
+
+/// Correct the errors of a taxel whose signal has stepped, at some time since it was last known to be still.
+void ForceEstimator::admit_step(const LoneDrift::Drift& found) {
+  const double step = found.rate * present_time_constant(found.taxel);
+  double* error = belief()->error_of(found.taxel);
+  error[kOffset] += step;
+  error[kForceError] += step + 0.5 * (found.earliest + found.latest) * found.rate;
+  belief()->own_of(found.taxel)[own_at(kForceError, kForceError)] +=
+      square((found.earliest - found.latest) * found.rate) / 12.0;
+  rest_noise_.jumps().admit(found.taxel, step);
+  forget_blocks();  // to process them again would undo it
 }
 
 }  // namespace posfet

@@ -8,6 +8,7 @@
 // Where something touches, and where it has ended.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -127,20 +128,28 @@ void ForceEstimator::find_hot_film() {
   }
 }
 
-/// Set the forces of these taxels to zero. They and those beside them cool from then on.
+/// Set the forces of these taxels to zero. They and those beside them cool from then on, and what has left no longer
+/// warms the chip.
 void ForceEstimator::reset_released(const Block& block) {
   surroundings_.dilate(zeros_, chosen_);
+  double left = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (chosen_[taxel]) {
       absorbed_.touch(taxel);
+      left_force_[taxel] = std::max(left_force_[taxel], -residual_[taxel]);
       add_own_warmth(belief()->own_of(taxel), square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]));
     }
     if (zeros_[taxel]) {
+      left -= residual_[taxel];
       belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
                                   block.noise[taxel]);
     }
   }
+  std::array<double, kSharedStates> warming{};
+  warming[kRate] = 1.0;
+  filter_.admit(warming.data(), square(priors_.touch_rate * left));
   zero_known_ = true;
+  rested_ = unseen_for_ = 0.0;
   refutation_.clear();
   forget_blocks();  // to process them again would undo it
 }

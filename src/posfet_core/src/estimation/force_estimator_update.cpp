@@ -22,6 +22,9 @@ namespace {
 /// Factor on the prior deviation of the residual charge after that prior was rejected [1].
 constexpr double kRejected = 3.0;
 
+/// Time constants after which the film is no longer warm [1].
+constexpr double kCooled = 4.0;
+
 /// Variance of a common tail of which nothing is known [1], assumed: as after all the force has moved from taxel to
 /// taxel. What is beside a contact rises on all of its side at once as it comes.
 constexpr double kUnknownTail = 0.15;
@@ -121,7 +124,7 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const bool usable = !ignored()[taxel];
     judged_[taxel] = usable && !(block.listed[taxel] && offset_known()[taxel]);
-    zeros_[taxel] = usable && !(block.touched[taxel] && offset_known()[taxel]);
+    zeros_[taxel] = usable && !(block.touched[taxel] && offset_known()[taxel]) && !recovers_unseen(taxel);
   }
   expect_small_forces(block);
   find_residuals();
@@ -137,7 +140,7 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   if (zeros_.any()) {
     filter_.update(zeros_.data(), residual_.data(), sensitivity_.data(), noise_.data());
   }
-  measure_faulty(block);
+  measure_alone(block);
   if (index + 1 < blocks_.size()) {
     return;
   }
@@ -175,11 +178,17 @@ bool ForceEstimator::is_zero_faulty(const Block& block, std::size_t taxel) const
   return ignored()[taxel] && offset_known()[taxel] && !block.listed[taxel];
 }
 
-/// Update the faulty taxels by their forces, which say nothing of the others: a noisy taxel still counts in a contact,
-/// and so must be zero before it.
-void ForceEstimator::measure_faulty(const Block& block) {
+/// Whether the film of a taxel recovers from a force that no response knows: what it shows tells nothing of the others.
+bool ForceEstimator::recovers_unseen(std::size_t taxel) const {
+  return left_force_[taxel] > 0.0 && unseen_for_ < kCooled * priors_.warmth_time;
+}
+
+/// Update the taxels whose forces say nothing of the others: those that recover unseen, and the faulty ones. A noisy
+/// taxel still counts in a contact, and so must be zero before it.
+void ForceEstimator::measure_alone(const Block& block) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    zeros_[taxel] = is_zero_faulty(block, taxel) && !block.touched[taxel] && !odd_[taxel];
+    const bool unseen = !ignored()[taxel] && recovers_unseen(taxel);
+    zeros_[taxel] = (unseen || is_zero_faulty(block, taxel)) && !block.touched[taxel] && !odd_[taxel];
   }
   if (!zeros_.any()) {
     return;

@@ -22,6 +22,9 @@ constexpr double kHottestObject = 15.0;
 /// Time that a touch must last to show what it warms, in time constants of that warmth [1].
 constexpr double kWarmingTimes = 2.0;
 
+/// Time that it must last to warm anything beyond a doubt [s], assumed.
+constexpr double kLeastTouch = 0.2;
+
 }  // namespace
 
 void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& beside,
@@ -38,7 +41,7 @@ void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& bes
 bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force,
                        const std::vector<double>& newton_per_kelvin) {
   bool hot = false;
-  for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
+  for (std::size_t taxel = 0; touched_for_ >= kLeastTouch && taxel < force.size(); ++taxel) {
     const double kelvin = std::abs(force[taxel] / newton_per_kelvin[taxel]);  // infinite where there is no signal
     hot = hot || (below[taxel] && warm_[taxel] && kelvin < kHottestObject);
   }
@@ -48,17 +51,19 @@ bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force
 }
 
 void HotFilm::follow(bool touches, double duration) {
-  if (touches) {
-    touched_for_ += duration;
-    return;
+  if (touches && !touches_) {
+    shown_ = false;
+    touched_for_ = 0.0;
   }
-  hot_ = touched_for_ < kWarmingTimes * warmth_time_ ? hot_ : shown_;
-  shown_ = false;
-  touched_for_ = 0.0;
+  if (!touches && touches_ && touched_for_ >= kWarmingTimes * warmth_time_) {
+    hot_ = shown_;
+  }
+  touched_for_ += touches ? duration : 0.0;
+  touches_ = touches;
 }
 
 void HotFilm::forget() {
-  hot_ = shown_ = false;
+  hot_ = shown_ = touches_ = false;
   touched_for_ = 0.0;
 }
 

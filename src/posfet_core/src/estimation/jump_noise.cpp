@@ -40,9 +40,12 @@ void JumpNoise::observe(const bool* where, const double* step, const double* cha
     const double rate = seen / kStepSeen / duration;
     const double share = duration / std::min(std::max(time_[taxel], kLeastJumpMemory), kJumpMemory);
     squares_[taxel] += share * (rate - squares_[taxel]);
-    // One that steps does so again, however long it was quiet before.
-    squares_[taxel] = std::max(squares_[taxel], square(step[taxel]) / kDwell);
+    admit(taxel, step[taxel]);
   }
+}
+
+void JumpNoise::admit(std::size_t taxel, double step) {
+  squares_[taxel] = std::max(squares_[taxel], square(step) / kDwell);  // however long it was quiet before
 }
 
 double JumpNoise::variance(std::size_t taxel, double duration) const {

@@ -24,6 +24,7 @@
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
+#include "posfet_core/estimation/lone_drift.hpp"
 #include "posfet_core/estimation/lower_bound_monitor.hpp"
 #include "posfet_core/estimation/object_heating.hpp"
 #include "posfet_core/estimation/release_detector.hpp"
@@ -269,6 +270,30 @@ void bind_noise(const py::module_& module) {
             return array_of(variance);
           },
           "Return the least variance of each offset [N2].");
+  py::class_<LoneDrift> drift(module, "LoneDrift", "Finds drifts of single taxels in windows of blocks.");
+  py::class_<LoneDrift::Drift>(drift, "Drift", "A drift of one taxel.")
+      .def_readonly("taxel", &LoneDrift::Drift::taxel, "Index of the taxel.")
+      .def_readonly("rate", &LoneDrift::Drift::rate, "Of its force [N/s].")
+      .def_readonly("earliest", &LoneDrift::Drift::earliest, "Time for which it may have been there [s].")
+      .def_readonly("latest", &LoneDrift::Drift::latest, "Time for which it has been there [s].");
+  drift.def(py::init<std::size_t>(), py::arg("taxels"))
+      .def("restart", &LoneDrift::restart, "Forget the last blocks: a correction since then is no drift.")
+      .def(
+          "observe",
+          [](LoneDrift& self, const Values& mean, const Tested& counts, const Tested& listed, const Tested& touched,
+             double variance, double duration) {
+            require_all(self.taxels(), {mean, counts, listed, touched});
+            return self.observe(mean.data(), counts.data(), listed.data(), touched.data(), variance, duration);
+          },
+          py::arg("mean"), py::arg("counts"), py::arg("listed"), py::arg("touched"), py::arg("variance"),
+          py::arg("duration"), "Process a block; return a drift once it is known.");
+  drift.attr("BLOCKS") = LoneDrift::kBlocks;
+  drift.attr("HOP") = LoneDrift::kHop;
+  drift.attr("DRIFTS") = LoneDrift::kDrifts;
+  drift.attr("OTHERS") = LoneDrift::kOthers;
+  drift.attr("WINDOWS") = LoneDrift::kWindows;
+  drift.attr("SAME") = LoneDrift::kSame;
+
   module.attr("DWELL") = kDwell;
   module.attr("JUMP_MEMORY") = kJumpMemory;
 

@@ -31,6 +31,7 @@
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/hidden_force.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
+#include "posfet_core/estimation/lone_drift.hpp"
 #include "posfet_core/estimation/lower_bound_monitor.hpp"
 #include "posfet_core/estimation/moved_share.hpp"
 #include "posfet_core/estimation/object_heating.hpp"
@@ -221,6 +222,7 @@ private:
   void find_tails(Block& block);
   static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
   void measure_touch(Block& block);
+  double hidden_share() const;
   void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
   void follow_thermal_contact(double duration);
   void measure_process_noise(Block& block);
@@ -232,6 +234,8 @@ private:
   void observe_noise(const Block& block);
   void admit_walk(double known);
   void observe_steady_force();
+  void observe_lone_drift();
+  void admit_step(const LoneDrift::Drift& found);
 
   // A step of the filter (force_estimator_update.cpp).
   void process_again(const TaxelFlags& touched);
@@ -241,8 +245,9 @@ private:
   void expect_small_forces(const Block& block);
   void find_residuals();
   void find_slow_touches(const Block& block);
-  void measure_faulty(const Block& block);
+  void measure_alone(const Block& block);
   bool is_zero_faulty(const Block& block, std::size_t taxel) const;
+  bool recovers_unseen(std::size_t taxel) const;
   void judge(Block& block);
   void restart_or_correct(Block& block);
 
@@ -300,6 +305,7 @@ private:
   RestNoise rest_noise_;
   SteadyForce steady_force_;
   HeldForces held_forces_;
+  LoneDrift lone_drift_;
   ThermalContact thermal_contact_;
   ObjectHeating heating_;
   ZeroRefutation refutation_;
@@ -336,6 +342,8 @@ private:
   std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
   std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
+  std::vector<double> left_force_;          ///< Force that left unseen, forgotten as the film recovers from it [N],
+  double unseen_for_ = 0.0;                 ///< and the time since then [s].
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].
   std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].

@@ -34,7 +34,8 @@ public:
   const TaxelFlags& warm() const { return warm_; }
 
   /// Process forces below zero of some taxels [N], of pyroelectric signals [N/K]; return whether a hot film explains
-  /// one of them, as a touch may have warmed it and no object pulls.
+  /// one of them, as a touch may have warmed it and no object pulls: not one as brief as what looks like a touch where
+  /// an unknown force is released.
   bool explains(const TaxelFlags& below, const std::vector<double>& force,
                 const std::vector<double>& newton_per_kelvin);
 
@@ -47,8 +48,9 @@ public:
 private:
   double warmth_time_;
   bool hot_ = false;
-  bool shown_ = false;        ///< Whether the present touch has shown a hot film.
-  double touched_for_ = 0.0;  ///< How long it has lasted [s].
+  bool shown_ = false;  ///< Whether the present touch has shown a hot film.
+  bool touches_ = false;
+  double touched_for_ = 0.0;  ///< How long this or the last touch has lasted [s].
   TaxelFlags near_;           ///< Taxels that are warm themselves.
   TaxelFlags warm_;
 };

@@ -51,6 +51,9 @@ public:
   /// within the block in between is seen whole.
   void observe(const bool* where, const double* step, const double* change, const double* noise, double duration);
 
+  /// Take a step of the signal of a taxel that was found otherwise [N]: one that steps does so again.
+  void admit(std::size_t taxel, double step);
+
   /// Variance by which a force error grows in a time [s] [N2].
   double variance(std::size_t taxel, double duration) const;
 

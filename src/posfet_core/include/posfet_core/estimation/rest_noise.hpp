@@ -27,6 +27,7 @@ public:
             double film_lag);
 
   /// Noise of single taxels.
+  JumpNoise& jumps() { return jumps_; }
   const JumpNoise& jumps() const { return jumps_; }
 
   /// Random walk of the temperature.
