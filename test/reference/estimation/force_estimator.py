@@ -160,8 +160,6 @@ HOTTEST_OBJECT: Final = 15.0
 """Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot."""
 WARMING_TIMES: Final = 2.0
 """Time that a touch must last to show what it warms, in time constants of that warmth [1]."""
-LEAST_TOUCH: Final = 0.2
-"""Time that it must last to warm anything beyond a doubt [s], assumed."""
 COOLED: Final = 4.0
 """Time constants after which the film is no longer warm [1]."""
 HIDES: Final = 2.0
@@ -369,7 +367,7 @@ class ForceEstimator:
         self._usual, self._touch_force, self._share, self._tail, self._warmed, self._warmth = np.zeros((6, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._untouched_time, self._usual_offset, self._stepped, self._hidden, self._felt = np.zeros((5, taxels))
-        self._left_force = np.zeros(taxels)  # that left unseen, forgotten as the film recovers from it [N]
+        self._left_force = np.zeros(taxels)  # that left unseen, as the film had to recover from it then [N]
         self._unseen_for = 0.0  # time since then [s]
         self._tapped = np.zeros(taxels, np.bool_)
         self._factor = scans.correlated_error
@@ -893,9 +891,13 @@ class ForceEstimator:
         """Return by what variance forces may recover in a time from those that left unseen [N2]."""
         p = self._priors
         self._unseen_for += span
-        self._left_force *= math.exp(-span / p.creep_times[-1])
-        creep = sum(math.hypot(*each) for each in zip(p.creep_mean, p.creep, strict=True))
+        creep = self._recovery_left * sum(math.hypot(*each) for each in zip(p.creep_mean, p.creep, strict=True))
         return np.asarray((creep * self._left_force) ** 2 * (span / RECOVERING))
+
+    @property
+    def _recovery_left(self) -> float:
+        """Share of the recovery from what left unseen that is left [1]."""
+        return math.exp(-self._unseen_for / self._priors.creep_times[-1])
 
     def _rate_noise(self, before: float, total: float, warmed_by: float) -> float:
         """Return the variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
@@ -1321,6 +1323,7 @@ class ForceEstimator:
                 belief.reset_force_error(released, block.mean, block.response, block.noise)
                 left = float(residual[released].sum())  # it no longer warms the chip
                 self._filter.admit(np.eye(COUNT)[Shared.RATE], (self._priors.touch_rate * left) ** 2)
+                self._left_force *= self._recovery_left
                 self._rested = self._unseen_for = 0.0
                 self._left_force[cooling] = np.maximum(self._left_force, -residual)[cooling]
                 errors &= ~released
@@ -1347,7 +1350,7 @@ class ForceEstimator:
         since before the start and is released does that, too, which may look like a brief touch. Such taxels are left
         as they are, until it has cooled.
         """
-        if self._touched_for < LEAST_TOUCH:
+        if self._touched_for < NEGATIVE_TIME:  # as long as what it would explain
             return False
         possible = np.abs(residual) < HOTTEST_OBJECT * np.abs(self._per_kelvin)
         hot = any_true(below & self._may_be_warm() & possible)

@@ -70,6 +70,7 @@ void ForceEstimator::measure(Block& block) {
   readings_.take(*integration_, block);
   find_tails(block);
   block.touch_before = touch_;
+  unseen_for_ += block.span;
   measure_touch(block);
   std::transform(block.mean.begin(), block.mean.end(), touch_.loops().begin(), block.mean.begin(), std::minus<>());
   measure_process_noise(block);
@@ -208,23 +209,26 @@ void ForceEstimator::measure_process_noise(Block& block) {
                      square(priors_.warming_share) * changed_square(block.warming, block.touch_before.warming());
 }
 
-/// Add what noise and steps of the signals, and of their offsets, do to the forces.
-void ForceEstimator::add_signal_noise(Block& block) {
-  unseen_for_ += block.span;
+/// By how much a film may still creep back from what left unseen, relative to the force that left [1].
+double ForceEstimator::unseen_creep() const {
   double creep = 0.0;
   for (std::size_t each = 0; each < kCreeps; ++each) {
     creep += std::hypot(priors_.creep_mean[each], priors_.creep[each]);
   }
-  const double kept = std::exp(-block.span / priors_.creep_times.back());
+  return creep * recovery_left();
+}
+
+/// Add what noise and steps of the signals, and of their offsets, do to the forces.
+void ForceEstimator::add_signal_noise(Block& block) {
+  const double recovery = square(unseen_creep()) * (block.span / kRecovering);
   const double walk = square(priors_.offset_walk) * block.span;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* own = block.own_noise.data() + taxel * kOwnStates * kOwnStates;
     const double leaked = integration_->block().square * square(block.leak / array_.time_constant[taxel]);
     const double stepped = rest_noise_.jumps().variance(taxel, block.span);
     stepped_[taxel] = block.touched[taxel] ? stepped_[taxel] + stepped : 0.0;
-    left_force_[taxel] *= kept;
     own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = own[own_at(kOffset, kOffset)] = walk;
-    own[own_at(kForceError, kForceError)] = walk + square(creep * left_force_[taxel]) * (block.span / kRecovering) +
+    own[own_at(kForceError, kForceError)] = walk + recovery * square(left_force_[taxel]) +
                                             noise_variance_[taxel] * leaked + state().jumped[taxel] + stepped +
                                             clipped_noise(taxel);
   }
@@ -384,7 +388,7 @@ void ForceEstimator::admit_step(const LoneDrift::Drift& found) {
   error[kForceError] += step + 0.5 * (found.earliest + found.latest) * found.rate;
   belief()->own_of(found.taxel)[own_at(kForceError, kForceError)] +=
       square((found.earliest - found.latest) * found.rate) / 12.0;
-  rest_noise_.jumps().admit(found.taxel, step);
+  rest_noise_.admit_step(found.taxel, step);
   forget_blocks();  // to process them again would undo it
 }
 

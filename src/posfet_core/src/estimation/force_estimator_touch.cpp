@@ -132,8 +132,10 @@ void ForceEstimator::find_hot_film() {
 /// warms the chip.
 void ForceEstimator::reset_released(const Block& block) {
   surroundings_.dilate(zeros_, chosen_);
+  const double recovery = recovery_left();
   double left = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    left_force_[taxel] *= recovery;
     if (chosen_[taxel]) {
       absorbed_.touch(taxel);
       left_force_[taxel] = std::max(left_force_[taxel], -residual_[taxel]);

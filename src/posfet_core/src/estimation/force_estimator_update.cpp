@@ -183,6 +183,9 @@ bool ForceEstimator::recovers_unseen(std::size_t taxel) const {
   return left_force_[taxel] > 0.0 && unseen_for_ < kCooled * priors_.warmth_time;
 }
 
+/// Share of that recovery that is left [1].
+double ForceEstimator::recovery_left() const { return std::exp(-unseen_for_ / priors_.creep_times.back()); }
+
 /// Update the taxels whose forces say nothing of the others: those that recover unseen, and the faulty ones. A noisy
 /// taxel still counts in a contact, and so must be zero before it.
 void ForceEstimator::measure_alone(const Block& block) {

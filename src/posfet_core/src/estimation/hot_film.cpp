@@ -9,6 +9,8 @@
 
 #include <cmath>
 
+#include "posfet_core/estimation/unexplained_residuals.hpp"
+
 namespace posfet {
 
 namespace {
@@ -21,9 +23,6 @@ constexpr double kHottestObject = 15.0;
 
 /// Time that a touch must last to show what it warms, in time constants of that warmth [1].
 constexpr double kWarmingTimes = 2.0;
-
-/// Time that it must last to warm anything beyond a doubt [s], assumed.
-constexpr double kLeastTouch = 0.2;
 
 }  // namespace
 
@@ -40,8 +39,11 @@ void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& bes
 
 bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force,
                        const std::vector<double>& newton_per_kelvin) {
+  if (touched_for_ < UnexplainedResiduals::kNegativeTime) {  // as long as what it would explain
+    return false;
+  }
   bool hot = false;
-  for (std::size_t taxel = 0; touched_for_ >= kLeastTouch && taxel < force.size(); ++taxel) {
+  for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
     const double kelvin = std::abs(force[taxel] / newton_per_kelvin[taxel]);  // infinite where there is no signal
     hot = hot || (below[taxel] && warm_[taxel] && kelvin < kHottestObject);
   }

@@ -227,6 +227,7 @@ private:
   void follow_thermal_contact(double duration);
   void measure_process_noise(Block& block);
   double clipped_noise(std::size_t taxel);
+  double unseen_creep() const;
   void add_signal_noise(Block& block);
   void add_warmth_noise(Block& block);
   void add_touch_noise(Block& block, const std::vector<double>& pressing);
@@ -248,6 +249,7 @@ private:
   void measure_alone(const Block& block);
   bool is_zero_faulty(const Block& block, std::size_t taxel) const;
   bool recovers_unseen(std::size_t taxel) const;
+  double recovery_left() const;
   void judge(Block& block);
   void restart_or_correct(Block& block);
 
@@ -326,7 +328,7 @@ private:
   std::size_t restarts_ = 0;
   std::size_t processed_again_ = 0;
   double recovering_ = 0.0;                ///< Time until forces may be valid after an interruption [s].
-  double rested_ = 0.0;                    ///< Time since a contact was listed [s].
+  double rested_ = 0.0;                    ///< Time since a contact was listed, or an unknown one left [s].
   double last_duration_ = kBlock;          ///< Duration of the last block [s].
   std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
   double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
@@ -342,7 +344,7 @@ private:
   std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
   std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
-  std::vector<double> left_force_;          ///< Force that left unseen, forgotten as the film recovers from it [N],
+  std::vector<double> left_force_;          ///< Force that left unseen, as the film had to recover from it then [N],
   double unseen_for_ = 0.0;                 ///< and the time since then [s].
   bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
   std::vector<double> touch_force_;         ///< Touched force of the last block [N].

@@ -8,6 +8,7 @@
 /// What the signals show of the noise that the filter has to expect, most of it while nothing touches.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
@@ -27,7 +28,6 @@ public:
             double film_lag);
 
   /// Noise of single taxels.
-  JumpNoise& jumps() { return jumps_; }
   const JumpNoise& jumps() const { return jumps_; }
 
   /// Random walk of the temperature.
@@ -36,6 +36,9 @@ public:
   /// Process the steps in the middle of the stored blocks, of the taxels that count; `at_rest`: also those that are no
   /// rises of the force, whatever they are, as these taxels show the film's temperature and nothing touches.
   void observe_steps(const LastBlocks& blocks, const Belief& belief, const TaxelFlags& counts, bool at_rest);
+
+  /// Take a step of the signal of a taxel that was found otherwise [N].
+  void admit_step(std::size_t taxel, double step) { jumps_.admit(taxel, step); }
 
   /// Process what the film's temperature did between the two oldest blocks, as the taxels that count show it.
   void observe_walk(const LastBlocks& blocks, const Belief& belief, const TaxelFlags& counts);
