@@ -14,8 +14,8 @@ the rows and scenes in which the model meets them: nothing else of the table is 
 Not met on board 1 with the cover `gauss`:
 
 - none: `ridged`, `rolling` and `grasp` are wrong by 0.6 to 1.2 % in place of 0.5.
-- Objects that warm the film by 0.1 K, if the stand does not: most of the total forces mislead. If they warm it by
-  30 mK, 2.4 % do in place of 1.
+- Objects that warm the film by 0.1 K, if the stand does not: the first touch misleads. If they warm it by 30 mK, the
+  scene `mixed` is wrong by 3.7 % in place of 2, and 3.2 % of it mislead in place of 1.
 - Objects that warm the film by 0.1 K, on the stand too: forces are almost never valid.
 
 - Films that conduct warmth to the taxels beside (`other_laws`): a finger that slides or rolls. Telegraph noise whose
@@ -452,6 +452,17 @@ def test_a_signal_that_steps_as_the_force_moves_is_corrected(number: int, scene:
     assert verdict.error < 1.5, verdict
     assert verdict.misleading <= rows()["moderate"].scenes[scene].misleading, verdict
     assert not verdict.lasting, verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_an_object_that_is_warmer_than_that_of_the_stand_leaves_nothing(number: int) -> None:
+    # What its film left stayed as forces of up to 1 N: 70 to 82 % of the scans misled.
+    board, calibration = calibrated("warm_object_100mK", number, "gauss")
+    verdict = judge(board, calibration, "gauss", scenes()["regrasp"])
+    assert verdict.misleading < 10.0, verdict  # of the first touch
+    assert not verdict.lasting, verdict
+    assert abs(verdict.left) < 0.02, verdict
 
 
 @pytest.mark.slow

@@ -71,6 +71,8 @@ class Story:
     """By how much what touches is warmer than the film [K]."""
     held: bool = False
     """Whether something touches since before the start."""
+    known: bool = True
+    """Whether a calibration knows how warm that is, in place of what is as warm as the film."""
 
     @property
     def tolerance(self) -> float:
@@ -169,8 +171,8 @@ def calibration(story: Story) -> Calibration | None:
         gain=vary(nominal.gain, 0.03),
         leak_time_constant=vary(nominal.leak_time_constant, 0.05),
         pyroelectric_gain=vary(nominal.pyroelectric_gain, 0.05),
-        warmth=story.warmth,
-        warmth_deviation=0.25 * story.warmth + 3e-3,
+        warmth=story.warmth if story.known else 1e-4,
+        warmth_deviation=0.25 * story.warmth * story.known + 3e-3,
         warmth_force=0.03,
         warmth_steepness=random.choice([1.0, 4.0]),
         hysteresis_half_widths=np.array([0.02, 0.1, 0.4]),
@@ -299,6 +301,7 @@ class Both:
         self.seen["invalid"] += not python.valid
         self.seen["offset unknown"] += not python.offset_known.all()
         self.seen["absorbed"] += bool(python._absorbed().any())
+        self.seen["warmer"] += float(python.belief.shared[Shared.WARMTH]) > 0.05
         self.seen["small forces"] += bool((python.belief.own[:, 2, 2] > 0.0).any())
         self.seen["processed again"] = self.compiled.processed_again
         self.seen["restarts"] = self.compiled.restarts
@@ -361,6 +364,10 @@ STORIES = {
     "slow touches of all kinds": (Story(5, 5, 2, force=0.05, trouble=0.2), ("rising", "restarts", "offset unknown")),
     "objects that are hot": (Story(5, 5, 6, warmth=0.5), ("hot film", "invalid")),
     "objects whose warmth hides forces": (Story(5, 5, 1, calibrated=True, force=0.5, warmth=0.1), ("warmed", "left")),
+    "objects warmer than that of the calibration": (
+        Story(5, 5, 3, calibrated=True, force=2.0, warmth=0.1, known=False),
+        ("warmer", "valid"),
+    ),
     "a film that warms": (Story(5, 5, 14, trouble=0.1, kinds=(WARMING,)), ("hypothesis open", "walk observed")),
     "a film that warms unseen": (
         Story(5, 5, 3, trouble=0.1, kinds=(WARMING,), sensed=False),

@@ -1179,7 +1179,10 @@ class ForceEstimator:
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
             changed = self._warmth_variance() + TAIL_NOISE + (p.tail_change * block.neighbour) ** 2
             noise += np.where(beside, changed, 0.0)
+        unseen = (self._left_force > 0.0) & ~self.ignored & (self._unseen_for < COOLED * p.warmth_time)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
+        if self._admit_warmer_object(where & ~unseen, residual, sensitivity, noise):
+            residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         listed = any_true(block.listed)
         if listed or not any_true(block.touched):
@@ -1201,7 +1204,6 @@ class ForceEstimator:
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         # Of a release, some blocks look like a film that cools.
         odd |= (self._unexplained.below > 0.0) & (residual < -self._threshold)
-        unseen = (self._left_force > 0.0) & ~self.ignored & (self._unseen_for < COOLED * p.warmth_time)
         if any_true(zeros := where & ~odd & ~unseen):
             f.update(zeros, residual, sensitivity, noise)
         faulty = self.ignored & self.offset_known & ~block.listed
@@ -1220,6 +1222,23 @@ class ForceEstimator:
                 f.post_fit(updated, measured, response, noise, unmodelled),
             )
             self._judge(block, watched & odd, judged, residual)
+
+    def _admit_warmer_object(self, zeros: Mask, residual: Array, sensitivity: Array, noise: Array) -> bool:
+        """Widen the common warmth where zeros show a film that is warmer than believed; return whether they do."""
+        response = sensitivity[:, Shared.WARMTH]
+        response = np.where(zeros & (np.abs(response) > WARMED * np.abs(self._per_kelvin)), response, 0.0)
+        weight = response / self._own_deviation(noise) ** 2
+        information = float(weight @ response)
+        if information == 0.0:  # nothing is warm
+            return False
+        change = float(weight @ residual) / information
+        expected = (
+            self.belief.covariance[Shared.WARMTH, Shared.WARMTH] + self._warmth_difference() ** 2 + 1 / information
+        )
+        if change * self._mean_per_kelvin >= 0.0 or change * change <= GATE * GATE * expected:
+            return False
+        self._filter.widen(np.eye(COUNT)[Shared.WARMTH], change * change)
+        return True
 
     def _own_deviation(self, noise: Array) -> Array:
         """Return the deviations of residuals without what the shared states contribute [N]."""

@@ -8,6 +8,7 @@
 // A step of the filter: what is known of the forces of a block, and what follows for the errors.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -128,6 +129,7 @@ void ForceEstimator::measure_zeros(std::size_t index) {
   }
   expect_small_forces(block);
   find_residuals();
+  admit_warmer_object();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     odd_[taxel] = std::abs(residual_[taxel]) > kGate * deviation_[taxel];
   }
@@ -230,6 +232,31 @@ void ForceEstimator::find_residuals() {
                      deviation_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     own_deviation_[taxel] = std::sqrt(belief()->own_variance(taxel) + noise_[taxel]);
+  }
+}
+
+/// Where zeros of what was touched show a film that is warmer than all that is believed of the common warmth, as no
+/// object pulls, that belief was wrong since the touch began: widen it, and the errors of the forces by it.
+void ForceEstimator::admit_warmer_object() {
+  double product = 0.0;
+  double information = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    const double sensitivity = sensitivity_[taxel * kSharedStates + kWarmth];
+    const bool warm = std::abs(sensitivity) > HotFilm::kWarmed * std::abs(array_.newton_per_kelvin[taxel]);
+    const double weight = zeros_[taxel] && warm ? sensitivity / square(own_deviation_[taxel]) : 0.0;
+    product += weight * residual_[taxel];
+    information += weight * sensitivity;
+  }
+  if (information == 0.0) {  // nothing is warm
+    return;
+  }
+  const double change = product / information;
+  const double expected = belief()->variance(kWarmth) + square(warmth_difference()) + 1.0 / information;
+  if (change * mean_per_kelvin() < 0.0 && square(change) > square(kGate) * expected) {
+    std::array<double, kSharedStates> level{};
+    level[kWarmth] = 1.0;
+    filter_.widen(level.data(), square(change));
+    find_residuals();
   }
 }
 

@@ -15,9 +15,6 @@ namespace posfet {
 
 namespace {
 
-/// Share of the warmth of a touch from which the film of a taxel may be warm [1].
-constexpr double kWarmed = 0.05;
-
 /// Greatest difference of temperature between an object and the film [K], assumed: a hand on a cold robot.
 constexpr double kHottestObject = 15.0;
 

@@ -245,6 +245,7 @@ private:
   void measure_zeros(std::size_t index);
   void expect_small_forces(const Block& block);
   void find_residuals();
+  void admit_warmer_object();
   void find_slow_touches(const Block& block);
   void measure_alone(const Block& block);
   bool is_zero_faulty(const Block& block, std::size_t taxel) const;

@@ -20,6 +20,9 @@ namespace posfet {
 /// nothing of that kind.
 class HotFilm {
 public:
+  /// Share of the warmth of a touch from which the film of a taxel may be warm [1].
+  static constexpr double kWarmed = 0.05;
+
   /// Time constant of the warmth of touched taxels [s].
   HotFilm(std::size_t taxels, double warmth_time) : warmth_time_(warmth_time), near_(taxels), warm_(taxels) {}
 
