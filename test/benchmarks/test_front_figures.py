@@ -75,7 +75,9 @@ def test_a_wrong_line_of_an_exhibit_fails_the_run() -> None:
             page.check_figure(front, figure)
 
 
-@pytest.mark.parametrize("palette", PALETTES)
+@pytest.mark.parametrize(
+    "palette", [PALETTES[0], *(pytest.param(each, marks=pytest.mark.slow) for each in PALETTES[1:])]
+)
 def test_overlapping_covering_and_cut_texts_are_refused(palette: Palette) -> None:
     def figure() -> Figure:
         return chart.draw(_front(FAST, GOOD), palette)
@@ -112,6 +114,7 @@ def test_labels_without_a_place_fail_the_front() -> None:
         chart.draw(_front(*crowd))
 
 
+@pytest.mark.slow
 def test_equal_fronts_are_equal_files(tmp_path: Path) -> None:
     for folder in ("one", "other"):
         command.publish([_front(FAST, GOOD)], {}, tmp_path / folder, "a test")

@@ -125,6 +125,7 @@ def test_followers_are_held_to_the_circuit() -> None:
     assert errors["one pole"] < errors["ideal"] / 10
 
 
+@pytest.mark.slow
 def test_the_document_and_the_results_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     front = _front(FAST, GOOD, question="a use", rival=GOOD.name)
     figure = Exhibit(

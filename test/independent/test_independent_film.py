@@ -226,7 +226,8 @@ def test_what_warmth_hides_of_a_light_touch_warms_as_well() -> None:
     assert verdict.misleading == 0.0
 
 
-@pytest.mark.parametrize("cover", ["layer", pytest.param("half_space", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("cover", ["layer", "half_space"])
 def test_a_cover_that_is_no_gaussian_is_found_by_the_presses(cover: CoverName) -> None:
     # Spread as a Gaussian of the sensor file, the forces on the taxels gave gains that were wrong by 4 and 7 %.
     board, calibration = calibrated("none", BOARD, cover)
@@ -236,12 +237,14 @@ def test_a_cover_that_is_no_gaussian_is_found_by_the_presses(cover: CoverName) -
     assert verdict.misleading == 0.0
 
 
+@pytest.mark.slow
 def test_crosstalk_is_no_cover() -> None:
     calibration = calibrate(Board(SENSOR, rows()["none"].effects, BOARD), "gauss", crosstalk=0.02)
     assert calibration.crosstalk == pytest.approx(0.02, abs=1e-3)
     np.testing.assert_array_equal(calibration.cover_shares, np.eye(len(calibration.cover_spreads))[0])
 
 
+@pytest.mark.slow
 def test_an_edge_that_moves_is_no_drift_of_the_chip() -> None:
     # It covers most of the array, and the taxels beside it feel more of it as it moves there: not that the film cools.
     board, calibration = calibrated("none", BOARD, "gauss")
@@ -249,7 +252,8 @@ def test_an_edge_that_moves_is_no_drift_of_the_chip() -> None:
     assert verdict.error < 0.5  # 0.84 % before
 
 
-@pytest.mark.parametrize("row", [pytest.param("moderate_under_way", marks=pytest.mark.slow), "drift_under_way"])
+@pytest.mark.slow
+@pytest.mark.parametrize("row", ["moderate_under_way", "drift_under_way"])
 def test_a_film_that_warms_since_before_the_start_reads_no_force(row: str) -> None:
     # Zeros show no warming at all. Explained by a wrong scale of the sensors, it became forces of 5 N that stayed.
     board, calibration = calibrated(row, 5, "gauss")
@@ -270,6 +274,7 @@ def test_a_strong_hum_at_the_start_is_no_warming_of_the_film(number: int) -> Non
     assert abs(rate) < 5e-3
 
 
+@pytest.mark.slow
 def test_a_taxel_that_measures_nothing_under_a_bar_at_an_angle_is_interpolated() -> None:
     # Estimated as up to 0.47 N in place of 0.19 N: 3.7 % wrong, 24 % of the scans misled.
     board, calibration = calibrated("stuck_bit_7", 6, "gauss")

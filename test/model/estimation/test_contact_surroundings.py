@@ -75,7 +75,8 @@ def test_without_forces_there_is_no_decline() -> None:
     assert LINE.geometric_decline(np.full(6, math.nan), 1e-3).tolist() == [0.0] * 6
 
 
-@pytest.mark.parametrize("radius", [4e-3, pytest.param(5e-3, marks=pytest.mark.slow), 8e-3])
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [4e-3, 5e-3, 8e-3])
 def test_forces_beside_a_fingertip_are_within_the_priors_of_the_decline(radius: float) -> None:
     # 200 places each; the common part is estimated anew in every touch, and own parts differ by as much as it.
     p, random, surroundings = ErrorPriors(), np.random.default_rng(1), ContactSurroundings(compiled_layout(LAYOUT))

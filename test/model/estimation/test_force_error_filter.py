@@ -421,6 +421,7 @@ def test_innovations_of_the_filters_own_model_are_white_with_unit_variance(share
     assert abs(products) <= 4.0 * math.sqrt(count)
 
 
+@pytest.mark.slow
 def test_what_an_update_leaves_of_residuals_has_unit_variance_however_much_all_share() -> None:
     shared, taxels, steps = 1, 40, 400
     random = np.random.default_rng(6)

@@ -816,6 +816,7 @@ def test_a_taxel_with_telegraph_noise_does_not_stay_in_contact_after_a_long_touc
     assert left < THRESHOLD
 
 
+@pytest.mark.slow
 def test_telegraph_noise_that_the_rest_before_a_touch_did_not_show_is_found_during_the_touch() -> None:
     # Within a second it may not step at all. Its first steps during the touch are not covered.
     found = [steps_in_a_long_touch(seed, 1.0, 1000.0) for seed in range(5)]

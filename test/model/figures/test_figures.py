@@ -40,6 +40,7 @@ def _root(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(DOCS.parent)
 
 
+@pytest.mark.slow
 def test_another_process_draws_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["fig5_schematic", "fig7_gain_phase", "bending"]
     assert command.main([*names, "--out", str(tmp_path / "here")]) == 0

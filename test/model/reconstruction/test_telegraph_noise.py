@@ -121,6 +121,7 @@ def test_a_taxel_recovers_from_telegraph_noise() -> None:
     assert statuses[-1][6] == TaxelStatus.OK
 
 
+@pytest.mark.slow
 def test_telegraph_noise_outlasts_a_touch_that_varies() -> None:
     # Under such a force no level comes again. The taxel restarted, as if nothing touched: its force was missing.
     def force(time: float) -> float:

@@ -88,6 +88,7 @@ def test_a_bar_at_an_angle_is_interpolated_in_the_middle_at_an_edge_and_in_a_cor
         assert abs(found - force[taxel]) < 0.1 * force[taxel]
 
 
+@pytest.mark.slow
 def test_an_extrapolation_is_about_as_uncertain_as_it_is_large() -> None:
     random, surroundings, none = np.random.default_rng(5), NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
     cells, pitch, spread = np.arange(25), LAYOUT.pitch_x, SENSOR.device.contact_spread
@@ -103,6 +104,7 @@ def test_an_extrapolation_is_about_as_uncertain_as_it_is_large() -> None:
     assert np.mean(np.abs(errors) < 2.0) >= 0.8  # of 20 % of the force: 0.3
 
 
+@pytest.mark.slow
 def test_under_a_ring_squares_disagree_and_say_so() -> None:
     # With the uncertainty under a fingertip alone, 23 % of these errors are within two deviations.
     random, surroundings, none = np.random.default_rng(6), NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)

@@ -114,6 +114,7 @@ def test_the_time_constant_of_that_rise_is_found(name: str, fitted: Fits) -> Non
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [0.004, 0.04])
 def test_the_force_that_causes_most_of_that_rise_is_found(half: float) -> None:
     """The film saturates otherwise than the fit: as F/(F + half), and so by 1 - 1/e at 1.72 times that force."""
@@ -124,7 +125,8 @@ def test_the_force_that_causes_most_of_that_rise_is_found(half: float) -> None:
     assert abs(found.warmth - 0.03) < found.warmth_deviation
 
 
-@pytest.mark.parametrize("step", [0.006, pytest.param(0.03, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.006, 0.03])
 def test_a_rise_that_is_whole_from_a_force_on_is_found_as_a_steep_one(step: float) -> None:
     board = record(SENSOR, Film(warmth=0.03, warmth_force=step, warmth_power=20.0))
     found = fit(SENSOR, board.recording, DATE)
@@ -150,9 +152,8 @@ def loop_gain(film: Film, force: float) -> float:
     return 1.0 + weight * sum(max(0.0, 1.0 - 2.0 * width / force) for width in film.plays)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if "four" in name else ()) for name in HYSTERETIC]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HYSTERETIC)
 def test_hysteresis_is_neither_relaxation_nor_a_temperature_nor_leakage(name: str) -> None:
     """The film has play operators of other half widths than the fit."""
     film = HYSTERETIC[name]

@@ -119,6 +119,7 @@ def test_an_ideal_board_scores_well() -> None:
     assert (score.slip_recall, score.false_slips_per_hour) == (None, 0.0)
 
 
+@pytest.mark.slow
 def test_the_drift_of_a_held_force_is_scored() -> None:
     """The noise before the touch decides about one board; the mean of three tells more."""
     scene = load_scene("hold", SENSOR)
@@ -173,6 +174,7 @@ def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibra
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 85.0
 
 
+@pytest.mark.slow
 def test_what_a_real_film_keeps_of_an_overload_is_covered(shared_calibrate: Callable[..., Calibration]) -> None:
     """Preload, creep and hysteresis of 20 N are 1.5 N then, and 80 mN after the release."""
     real = ErrorModel.default().with_realism(MODERATE)
@@ -181,7 +183,8 @@ def test_what_a_real_film_keeps_of_an_overload_is_covered(shared_calibrate: Call
     assert score.coverage_pct["total"] is not None and score.coverage_pct["total"] > 80.0
 
 
-@pytest.mark.parametrize("time", [pytest.param(0.2, marks=pytest.mark.slow), 1.7])
+@pytest.mark.slow
+@pytest.mark.parametrize("time", [0.2, 1.7])
 def test_the_time_constant_of_the_warmth_of_what_touches_does_not_matter_once_calibrated(
     time: float, shared_calibrate: Callable[..., Calibration]
 ) -> None:
@@ -213,6 +216,7 @@ def test_the_hysteresis_of_a_film_is_subtracted_once_calibrated(
     assert score.misleading_pct is not None and score.misleading_pct < 1.0
 
 
+@pytest.mark.slow
 def test_a_light_touch_of_a_film_that_is_much_warmer_is_right_or_not_valid(
     shared_calibrate: Callable[..., Calibration],
 ) -> None:
