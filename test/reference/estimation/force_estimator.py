@@ -350,7 +350,7 @@ class ForceEstimator:
         self._refutation, self._witnesses = ZeroRefutation(), Witnesses()
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._hot = self._shown_hot = False  # whether this or the last touch has shown a hot film; the present one
-        self._touches, self._touched_for = False, 0.0
+        self._touches, self._begun, self._touched_for = False, False, 0.0
         self._usual_rate = self._greatest_touch = 0.0  # rate of the temperature before the touch; its greatest force
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unobserved, self._leaked = 0, np.zeros(taxels)
@@ -520,7 +520,8 @@ class ForceEstimator:
         What it warmed cools.
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
-        self._hot, self._shown_hot, self._touches, self._touched_for = False, False, False, 0.0
+        self._hot = self._shown_hot = self._touches = self._begun = False
+        self._touched_for = 0.0
         self._thermal_contact.reset()
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
@@ -555,7 +556,7 @@ class ForceEstimator:
         self._farthest = self._touched_for = 0.0
         self._refutation.wide = False
         self._left_force[:] = 0.0
-        self._hot = self._shown_hot = self._touches = self._zero_known = False
+        self._hot = self._shown_hot = self._touches = self._begun = self._zero_known = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -1369,7 +1370,7 @@ class ForceEstimator:
         since before the start and is released does that, too, which may look like a brief touch. Such taxels are left
         as they are, until it has cooled.
         """
-        if self._touched_for < NEGATIVE_TIME:  # as long as what it would explain
+        if not self._begun or self._touched_for < NEGATIVE_TIME:  # as long as what it would explain
             return False
         possible = np.abs(residual) < HOTTEST_OBJECT * np.abs(self._per_kelvin)
         hot = any_true(below & self._may_be_warm() & possible)
@@ -1380,7 +1381,7 @@ class ForceEstimator:
         """Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown."""
         touches = any_true(block.touched)
         if touches and not self._touches:
-            self._shown_hot, self._touched_for = False, 0.0
+            self._shown_hot, self._begun, self._touched_for = False, True, 0.0
         if self._touches and not touches and self._touched_for >= WARMING_TIMES * self._priors.warmth_time:
             self._hot = self._shown_hot
         self._touched_for += block.duration if touches else 0.0
@@ -1632,6 +1633,7 @@ class ForceEstimator:
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)
+        self._begun, self._touches = False, True
         self.force[:] = self._integration.held[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force
         shown, variance = self._correction - self._touch.loops, self._noise_variance + belief.own[:, 1, 1]

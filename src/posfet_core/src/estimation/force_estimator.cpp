@@ -336,6 +336,7 @@ void ForceEstimator::start(const double* charge) {
     driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   lower_bound_.start(before.data(), remaining.data());
+  hot_film_.interrupt();
   b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     absorbed_.restart(taxel, b);

@@ -36,7 +36,7 @@ void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& bes
 
 bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force,
                        const std::vector<double>& newton_per_kelvin) {
-  if (touched_for_ < UnexplainedResiduals::kNegativeTime) {  // as long as what it would explain
+  if (!begun_ || touched_for_ < UnexplainedResiduals::kNegativeTime) {  // as long as what it would explain
     return false;
   }
   bool hot = false;
@@ -51,6 +51,7 @@ bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force
 
 void HotFilm::follow(bool touches, double duration) {
   if (touches && !touches_) {
+    begun_ = true;
     shown_ = false;
     touched_for_ = 0.0;
   }
@@ -61,8 +62,13 @@ void HotFilm::follow(bool touches, double duration) {
   touches_ = touches;
 }
 
+void HotFilm::interrupt() {
+  begun_ = false;
+  touches_ = true;
+}
+
 void HotFilm::forget() {
-  hot_ = shown_ = touches_ = false;
+  hot_ = shown_ = touches_ = begun_ = false;
   touched_for_ = 0.0;
 }
 

@@ -38,12 +38,15 @@ public:
 
   /// Process forces below zero of some taxels [N], of pyroelectric signals [N/K]; return whether a hot film explains
   /// one of them, as a touch may have warmed it and no object pulls: not one as brief as what looks like a touch where
-  /// an unknown force is released.
+  /// an unknown force is released, nor one since before an interruption, of which a part may have leaked unseen.
   bool explains(const TaxelFlags& below, const std::vector<double>& force,
                 const std::vector<double>& newton_per_kelvin);
 
   /// Process a block of some duration [s] in which something touches, or nothing.
   void follow(bool touches, double duration);
+
+  /// Record that an unknown time has passed: what touches now may have begun before.
+  void interrupt();
 
   /// Forget what touches have shown.
   void forget();
@@ -53,6 +56,7 @@ private:
   bool hot_ = false;
   bool shown_ = false;  ///< Whether the present touch has shown a hot film.
   bool touches_ = false;
+  bool begun_ = false;        ///< Whether the beginning of the present or last touch was seen.
   double touched_for_ = 0.0;  ///< How long this or the last touch has lasted [s].
   TaxelFlags near_;           ///< Taxels that are warm themselves.
   TaxelFlags warm_;
