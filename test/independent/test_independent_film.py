@@ -282,7 +282,7 @@ def test_a_taxel_that_measures_nothing_under_a_bar_at_an_angle_is_interpolated()
     assert not verdict.failures(Limits(1.0, 90.0, 1.0)), verdict
 
 
-@pytest.mark.parametrize("scene", ["pad", "slow"])
+@pytest.mark.parametrize("scene", [pytest.param("pad", marks=pytest.mark.slow), "slow"])
 def test_a_hum_that_drifts_is_tracked_while_the_whole_array_is_touched(scene: str) -> None:
     # It was predicted there: 4.6 % wrong, 18 % of the scans misled; 0.2 N within 10 s was 8 % wrong.
     board, calibration = calibrated("hum", 1, "gauss")
@@ -379,7 +379,8 @@ def test_what_is_least_significant_of_a_contact_with_the_whole_array_is_not_rele
         assert min(verdict.taxels, verdict.total) >= 90.0, verdict
 
 
-@pytest.mark.parametrize("number", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 6])
 def test_objects_that_are_far_hotter_than_on_the_stand_are_not_valid(number: int) -> None:
     # They warm the film by 0.3 K: forces read below zero, and what their warmth left as forces. 41 and 26 % misled.
     _, calibration = calibrated("none", number, "gauss")
