@@ -1226,16 +1226,15 @@ class ForceEstimator:
 
     def _admit_warmer_object(self, zeros: Mask, residual: Array, sensitivity: Array, noise: Array) -> bool:
         """Widen the common warmth where zeros show a film that is warmer than believed; return whether they do."""
-        response = sensitivity[:, Shared.WARMTH]
-        response = np.where(zeros & (np.abs(response) > WARMED * np.abs(self._per_kelvin)), response, 0.0)
-        weight = response / self._own_deviation(noise) ** 2
-        information = float(weight @ response)
-        if information == 0.0:  # nothing is warm
+        warm = zeros & (np.abs(sensitivity[:, Shared.WARMTH]) > WARMED * np.abs(self._per_kelvin))
+        if not any_true(warm):
             return False
-        change = float(weight @ residual) / information
-        expected = (
-            self.belief.covariance[Shared.WARMTH, Shared.WARMTH] + self._warmth_difference() ** 2 + 1 / information
-        )
+        weight = sensitivity[warm, Shared.WARMTH] / self._own_deviation(noise)[warm] ** 2
+        of_sum = weight @ sensitivity[warm]
+        information = float(of_sum[Shared.WARMTH])
+        change = float(weight @ residual[warm]) / information
+        shared = float(of_sum @ self.belief.covariance @ of_sum)
+        expected = (shared + information) / information**2 + self._warmth_difference() ** 2
         if change * self._mean_per_kelvin >= 0.0 or change * change <= GATE * GATE * expected:
             return False
         self._filter.widen(np.eye(COUNT)[Shared.WARMTH], change * change)

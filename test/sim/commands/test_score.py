@@ -254,6 +254,13 @@ def test_score_with_the_full_error_model_and_5_percent_gain_error(name: str, cal
     assert score.false_slips_per_hour == score.false_contacts_per_hour == 0.0
 
 
+def test_wrong_gains_are_no_warmth_of_the_object(calibrated: Calibration) -> None:
+    """They leave something of a slip behind, too, on few taxels: the next grasp had four times the error."""
+    what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
+    score = run(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 6.0, 1, ErrorModel.default(), what))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 0.5
+
+
 def test_two_contacts_that_merge_and_separate_keep_their_ids(tmp_path: Path) -> None:
     path = tmp_path / "meeting.yaml"
     path.write_text(MEETING)

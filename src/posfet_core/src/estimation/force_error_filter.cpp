@@ -23,6 +23,12 @@ namespace {
 /// Share of a variance that is rounding error [1].
 constexpr double kRounding = 1e-12;
 
+/// Return the variance that the shared states give to a residual of this sensitivity, with space for a row of states.
+double shared_variance_of(const Belief& belief, const double* sensitivity, double* row) {
+  multiply(sensitivity, belief.covariance().data(), row, 1, belief.states(), belief.states());
+  return dot(row, sensitivity, belief.states());
+}
+
 }  // namespace
 
 /// How a taxel's errors follow from a residual of its force.
@@ -179,13 +185,15 @@ void ForceErrorFilter::post_fit(const bool* updated, const double* measured, con
 }
 
 void ForceErrorFilter::shared_variance(const double* sensitivity, double* variance) const {
-  const Belief& b = *belief_;
-  const std::size_t states = b.states();
-  Vector<double> row(states);
-  for (std::size_t taxel = 0; taxel < b.taxels(); ++taxel) {
-    multiply(sensitivity + taxel * states, b.covariance().data(), row.data(), 1, states, states);
-    variance[taxel] = dot(row.data(), sensitivity + taxel * states, states);
+  Vector<double> row(belief_->states());
+  for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
+    variance[taxel] = shared_variance_of(*belief_, sensitivity + taxel * row.size(), row.data());
   }
+}
+
+double ForceErrorFilter::shared_variance(const double* sensitivity) const {
+  Vector<double> row(belief_->states());
+  return shared_variance_of(*belief_, sensitivity, row.data());
 }
 
 void ForceErrorFilter::predicted(const double* response, double* errors) const {

@@ -238,21 +238,26 @@ void ForceEstimator::find_residuals() {
 /// Where zeros of what was touched show a film that is warmer than all that is believed of the common warmth, as no
 /// object pulls, that belief was wrong since the touch began: widen it, and the errors of the forces by it.
 void ForceEstimator::admit_warmer_object() {
-  double product = 0.0;
-  double information = 0.0;
+  std::array<double, kSharedStates> sensitivity{};  // of the sum of the zeros by their weight
+  double sum = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double sensitivity = sensitivity_[taxel * kSharedStates + kWarmth];
-    const bool warm = std::abs(sensitivity) > HotFilm::kWarmed * std::abs(array_.newton_per_kelvin[taxel]);
-    const double weight = zeros_[taxel] && warm ? sensitivity / square(own_deviation_[taxel]) : 0.0;
-    product += weight * residual_[taxel];
-    information += weight * sensitivity;
+    const double* own = sensitivity_.data() + taxel * kSharedStates;
+    const bool warm = std::abs(own[kWarmth]) > HotFilm::kWarmed * std::abs(array_.newton_per_kelvin[taxel]);
+    if (zeros_[taxel] && warm) {
+      const double weight = own[kWarmth] / square(own_deviation_[taxel]);
+      sum += weight * residual_[taxel];
+      for (std::size_t state = 0; state < kSharedStates; ++state) {
+        sensitivity[state] += weight * own[state];
+      }
+    }
   }
+  const double information = sensitivity[kWarmth];
   if (information == 0.0) {  // nothing is warm
     return;
   }
-  const double change = product / information;
-  const double expected = belief()->variance(kWarmth) + square(warmth_difference()) + 1.0 / information;
-  if (change * mean_per_kelvin() < 0.0 && square(change) > square(kGate) * expected) {
+  const double change = sum / information;
+  const double expected = (filter_.shared_variance(sensitivity.data()) + information) / square(information);
+  if (change * mean_per_kelvin() < 0.0 && square(change) > square(kGate) * (expected + square(warmth_difference()))) {
     std::array<double, kSharedStates> level{};
     level[kWarmth] = 1.0;
     filter_.widen(level.data(), square(change));

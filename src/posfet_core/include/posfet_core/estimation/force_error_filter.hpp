@@ -71,6 +71,9 @@ public:
   /// Find the variances that the shared states give to residuals of these sensitivities g [N2].
   void shared_variance(const double* sensitivity, double* variance) const;
 
+  /// Return the variance that the shared states give to one residual of this sensitivity, [states] [N2].
+  double shared_variance(const double* sensitivity) const;
+
   /// Find what is left of residuals after an update by those of the taxels marked, in units of its expected deviation
   /// [1]: what all taxels share is gone then, of which each residual had more than of its own. `unmodelled` are the
   /// variances of what the filter knows nothing of [N2].
