@@ -66,10 +66,11 @@ endif
 bringup: $(BUILT)
 	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(WEB),--web) $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
-# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait.
+# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait. Tests that
+# share a long fit run in one of them (xdist_group).
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
-	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
+	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4 --dist loadgroup); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 # 5: no test has the name that ARGS asks for.
@@ -92,7 +93,7 @@ check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
 	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports && \
 	clang-format --dry-run --Werror $$(find $(core)/src $(core)/include $(core)/fuzz -name '*.[ch]pp') && \
-	clang-tidy --quiet $$(find $(core)/src -name '*.cpp') -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
+	find $(core)/src -name '*.cpp' | xargs -P "$$(nproc)" -I FILE clang-tidy --quiet FILE -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
 		$$(python3 -c 'import pybind11; print("-isystem", pybind11.get_include())' 2>/dev/null)
 
 # The interpreter is not built for it: the library of the sanitizer is loaded first, and its own leaks are no concern.

@@ -18,9 +18,14 @@ from support.paths import SOURCES
 
 CORE = SOURCES / "posfet_core"
 PROGRAMS = sorted((CORE / "fuzz").glob("*.cpp"))
+WIDEST = "fuzz_scan_path"
+"""What includes most of the headers."""
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "program",
+    [pytest.param(each, id=each.stem, marks=() if each.stem == WIDEST else pytest.mark.slow) for each in PROGRAMS],
+)
 def test_a_fuzz_program_compiles(program: Path) -> None:
     command = ["g++", "-std=c++17", "-fsyntax-only", f"-I{CORE / 'include'}", str(program)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)

@@ -210,6 +210,7 @@ def test_objects_of_other_temperatures_are_within_the_deviation() -> None:
     assert min(verdict.taxels, verdict.total) >= 95.0
 
 
+@pytest.mark.slow
 def test_a_board_that_warms_up_reads_no_force_that_is_none() -> None:
     # 5 K within a minute: leakage as at the calibration made 1.5 N of 0.8, and 3.8 N that nothing caused, for good.
     board, calibration = calibrated("moderate", BOARD, "gauss")
@@ -282,7 +283,8 @@ def test_a_taxel_that_measures_nothing_under_a_bar_at_an_angle_is_interpolated()
     assert not verdict.failures(Limits(1.0, 90.0, 1.0)), verdict
 
 
-@pytest.mark.parametrize("scene", [pytest.param("pad", marks=pytest.mark.slow), "slow"])
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["pad", "slow"])
 def test_a_hum_that_drifts_is_tracked_while_the_whole_array_is_touched(scene: str) -> None:
     # It was predicted there: 4.6 % wrong, 18 % of the scans misled; 0.2 N within 10 s was 8 % wrong.
     board, calibration = calibrated("hum", 1, "gauss")

@@ -93,7 +93,8 @@ def test_tables_are_reproduced_without_the_newer_instructions(
         assert found.libm != usual.libm, "libm gives the same bits: the names of its tunables have changed"
 
 
-@pytest.mark.parametrize("seed", ["0", pytest.param("1", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", ["0", "1"])
 def test_tables_are_reproduced_with_functions_at_the_allowed_error(seed: str, record_property) -> None:
     """For every machine, also those that no variable can emulate; see `support.inexact`."""
     found = machine.read(_report({"INEXACT_SEED": seed}, "support.inexact", "support.machine"))

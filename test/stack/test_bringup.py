@@ -44,9 +44,17 @@ VARIANTS = {
     "separate, simulated board": ["source:=sim", "composed:=false"],
     "separate, emulated adapter": ["source:=emulator", "composed:=false"],
 }
+LONG = ("composed, virtual bus", "separate, simulated board")
+"""Whose parts the others start, too."""
 
 
-@pytest.mark.parametrize("arguments", VARIANTS.values(), ids=VARIANTS.keys())
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param(arguments, id=name, marks=pytest.mark.slow if name in LONG else ())
+        for name, arguments in VARIANTS.items()
+    ],
+)
 def test_the_stack_reports_the_contacts_of_the_scene(arguments: Sequence[str]) -> None:
     with running("imperfections:=none", *arguments) as process, Listener() as listener:
         expect_stack(listener)

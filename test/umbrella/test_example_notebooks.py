@@ -26,7 +26,9 @@ def words(text: str) -> list[object]:
     return [pytest.approx(float(part), rel=0.05, abs=0.011) if re.match(r"[-+]?\d", part) else part for part in parts]
 
 
-@pytest.mark.parametrize("name", ["first_contact", "calibration", "device_design", "replay"])
+@pytest.mark.parametrize(
+    "name", ["first_contact", pytest.param("calibration", marks=pytest.mark.slow), "device_design", "replay"]
+)
 def test_the_notebook_prints_what_is_stored_in_it(name: str) -> None:
     path = EXAMPLES / f"{name}.ipynb"
     kept = [stored(cell) for cell in code_cells(path)]

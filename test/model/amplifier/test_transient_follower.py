@@ -368,6 +368,7 @@ def test_a_curved_input_is_integrated_in_stretches_of_time_as_in_sequence(monkey
     assert found.valid.tolist() == expected.valid.tolist()
 
 
+@pytest.mark.slow
 def test_stretches_of_time_take_jumps_and_uneven_steps() -> None:
     rng = np.random.default_rng(3)
     steps = np.where(rng.random(1200) < 0.1, 0.0, rng.uniform(0.5e-8, 2e-8, 1200))

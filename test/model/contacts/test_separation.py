@@ -186,8 +186,8 @@ CALIBRATED = replace(
     ("device", "seed"),
     [
         ({}, 1),
-        ({"leak": 20.0}, 3),
         ({"spread": 20.0}, 5),
+        pytest.param({"leak": 20.0}, 3, marks=pytest.mark.slow),
         pytest.param({}, 2, marks=pytest.mark.slow),
         pytest.param({"d33": -10.0}, 4, marks=pytest.mark.slow),
         pytest.param({"spread": -20.0}, 6, marks=pytest.mark.slow),

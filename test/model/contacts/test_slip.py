@@ -96,7 +96,7 @@ def test_the_channel_is_not_computed_without_contact_and_subscriber(monkeypatch:
         reconstructor.process(scan)
 
 
-@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 4))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))])
 def test_each_jerk_of_a_slipping_cylinder_is_detected_within_6_ms(seed: int) -> None:
     found = score(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 5.0, seed, CALIBRATED, MISMATCH))
     assert found.slip_recall == 1.0

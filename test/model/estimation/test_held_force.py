@@ -57,7 +57,7 @@ def test_a_held_force_is_as_accurate_as_the_optimal_estimate(
         assert held.error <= 1.2 * held.optimal, held
 
 
-@pytest.mark.parametrize("flicker", [0.0, 10e-6])
+@pytest.mark.parametrize("flicker", [pytest.param(0.0, marks=pytest.mark.slow), 10e-6])
 def test_the_reported_two_sigma_interval_covers_the_truth_95_percent_of_the_time(flicker: float) -> None:
     inside = [held.inside for seed in range(3) for held in hold(seed, (0.5, 2.0, 10.0), flicker=flicker)]
     # 768 taxels at each time, and times that are not independent: the coverage has a standard error of 1 %.
@@ -79,7 +79,8 @@ def test_the_optimal_estimator_leaves_only_the_uncommon_part_of_a_ramp() -> None
         assert 1e-3 < held.optimal < 2.5e-3, held
 
 
-@pytest.mark.parametrize("ramp", [pytest.param(1 / 60, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("ramp", [1 / 60, 0.3])
 def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
     # In 20 s at 0.3 K/s the thermal uncertainty exceeds the force: pressed taxels stay classified as pressed.
     drift = Drift(ramp=ramp, random_walk=0.0)
@@ -89,7 +90,8 @@ def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("random_walk", "limit"), [pytest.param(1e-3, 1.35, marks=pytest.mark.slow), (2e-3, 1.35), unmet(LOOKS, 4e-3, 2.0)]
+    ("random_walk", "limit"),
+    [*(pytest.param(each, 1.35, marks=pytest.mark.slow) for each in (1e-3, 2e-3)), unmet(LOOKS, 4e-3, 2.0)],
 )
 def test_a_held_force_is_nearly_as_accurate_during_random_walk_temperature_drift(
     random_walk: float, limit: float

@@ -175,6 +175,7 @@ def test_a_chip_that_bends_around_the_place_that_is_pressed_is_followed() -> Non
     assert max(errors) < 0.015
 
 
+@pytest.mark.slow
 def test_a_touch_soon_after_the_start_leaves_what_is_known_of_the_offsets_beside_it(
     shared_calibrate: Callable[..., Calibration],
 ) -> None:

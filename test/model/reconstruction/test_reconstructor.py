@@ -332,7 +332,7 @@ UNCALIBRATED = "without a calibration the warmth of a touch may be much of its f
     ("board", "error", "until"),
     [
         pytest.param("ideal", 0.05, 10.0, marks=pytest.mark.xfail(strict=True, reason=UNCALIBRATED)),
-        ("calibrated", 0.2, 10.0),
+        pytest.param("calibrated", 0.2, 10.0, marks=pytest.mark.slow),
     ],
 )
 def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(

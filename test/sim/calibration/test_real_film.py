@@ -32,6 +32,8 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.report import report
 from support.film_bench import Alteration, Board, Film, gain_at_once, record, with_slow_charge
 
+pytestmark = pytest.mark.xdist_group("real film")
+
 SENSOR = load_sensor()
 DATE = "2024-01-01T00:00:00+00:00"
 Floats = NDArray[np.float64]
@@ -51,8 +53,10 @@ HYSTERETIC = {
 }
 
 
+LONG = ("a fast object", "a slow object", "all")
+"""What takes longest to fit."""
 EACH = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "a fast object" else ()) for name in FILMS]
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in FILMS]
 )
 
 
@@ -170,6 +174,7 @@ def test_hysteresis_is_neither_relaxation_nor_a_temperature_nor_leakage(name: st
         assert abs(loop_gain(film, force) - loop_gain(film, 0.3)) < 2.0 * found.common_gain_deviation
 
 
+@pytest.mark.slow
 def test_hysteresis_leaves_the_rest_of_the_film_as_it_is(fitted: Fits) -> None:
     without = fitted["all"][1]
     board = record(SENSOR, replace(FILMS["all"], hysteresis=0.015))

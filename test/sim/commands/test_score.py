@@ -142,6 +142,7 @@ def test_forces_beside_noisy_taxels_in_a_contact_are_not_taken_for_bending(calib
     assert score.misleading_pct == 0.0
 
 
+@pytest.mark.slow
 def test_a_slow_press_on_noisy_taxels_is_felt(calibrated: Calibration) -> None:
     """0.2 N within 10 s onto the two: each block raises them, and their neighbours, by less than noise."""
     score = run(Run(SENSOR, load_scene("slow_press", SENSOR), 9.0, 1, ErrorModel.default(), calibrated))
@@ -156,6 +157,7 @@ def test_a_light_touch_after_an_overload_is_felt() -> None:
     assert score.coverage_pct["total"] > 90.0
 
 
+@pytest.mark.slow
 def test_a_light_touch_after_an_overload_on_noisy_taxels_is_in_the_total_force(calibrated: Calibration) -> None:
     """Their thresholds are higher for a while: no contact lists 0.1 N on them, but their readings show it.
 
@@ -166,6 +168,7 @@ def test_a_light_touch_after_an_overload_on_noisy_taxels_is_in_the_total_force(c
     assert score.valid_pct is not None and score.valid_pct > 75.0
 
 
+@pytest.mark.slow
 def test_what_a_press_within_10_s_loses_is_in_the_deviations(calibrated: Calibration) -> None:
     """The taxel that carries most of the force is dead on this board."""
     score = run(Run(SENSOR, load_scene("slow_press", SENSOR), 15.0, 1, ErrorModel.default(), calibrated))

@@ -42,8 +42,11 @@ def test_startup_during_warming_becomes_valid_without_false_contacts(kelvin_per_
 @pytest.mark.parametrize(
     "differences",
     [
-        *({}, {"lag": -30.0}, {"pyroelectric": 10.0}),
-        *(pytest.param(each, marks=pytest.mark.slow) for each in ({"lag": 30.0}, {"pyroelectric": -10.0})),
+        {},
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in ({"lag": -30.0}, {"lag": 30.0}, {"pyroelectric": 10.0}, {"pyroelectric": -10.0})
+        ),
     ],
 )
 def test_a_warm_finger_is_detected_and_measured_during_ambient_warming(differences: dict[str, float]) -> None:
@@ -61,7 +64,7 @@ LOOKS = "a chip that cools by 70 mK/s from the start looks like a press for half
 @pytest.mark.parametrize(
     "board",
     [
-        1,
+        pytest.param(1, marks=pytest.mark.slow),
         pytest.param(2, marks=(pytest.mark.slow, pytest.mark.xfail(strict=True, reason=LOOKS))),
         *(pytest.param(board, marks=pytest.mark.slow) for board in (3, 4)),
     ],

@@ -139,6 +139,7 @@ def firm(seed: int) -> float:
     return total
 
 
+@pytest.mark.slow
 def test_feeling_the_slip_pays() -> None:
     """A touch that is felt holds the object with less force than a blind firm grip."""
     total, lost, info = episode(GripOnSlip(), seed=1)
