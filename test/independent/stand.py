@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from independent.contacts import CoverName, Scene, Touch, course, sphere
 from independent.film import Array, Board, Effects, Load
+from posfet_model.calibration.bench_signals import Recording
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
@@ -137,6 +138,26 @@ def calibrate(board: Board, cover: CoverName, crosstalk: float = 0.0) -> Calibra
     ValueError
         The fit is refused.
     """
+    return fit(board.sensor, recorded(board, cover, crosstalk)[0], "2026-01-01")
+
+
+def recorded(board: Board, cover: CoverName, crosstalk: float = 0.0) -> tuple[Recording, float]:
+    """Return what a board records on its stand, and the delay of the stand's clock that is found in it [s].
+
+    Parameters
+    ----------
+    board : Board
+        The board.
+    cover : str
+        Its cover: gauss, layer or half_space.
+    crosstalk : float, default 0.0
+        Share of the signal of each of its four neighbours that a taxel picks up [1].
+
+    Returns
+    -------
+    tuple of (Recording, float)
+        As `posfet calibrate` makes them of a recording and the readings of a rig.
+    """
     sensor = board.sensor
     load = programme(sensor).load(sensor, cover, board.seed)
     load = Load(load.force, load.applied, load.chip, on_stand=True)
@@ -145,8 +166,7 @@ def calibrate(board: Board, cover: CoverName, crosstalk: float = 0.0) -> Calibra
     temperature = interpolated_temperature(time, recording.temperatures.mean(axis=1, dtype=np.float64))
     scans = Scans(time, _with_crosstalk(sensor, recording.counts, crosstalk), temperature)
     reference = Reference(*readings(sensor, board.seed))
-    combined, _ = combine(sensor, scans, reference, Sphere(BALL_RADIUS, BALL_MODULUS))
-    return fit(sensor, combined, "2026-01-01")
+    return combine(sensor, scans, reference, Sphere(BALL_RADIUS, BALL_MODULUS))
 
 
 def _with_crosstalk(sensor: Sensor, counts: NDArray[np.uint16], share: float) -> NDArray[np.uint16]:

@@ -41,7 +41,7 @@ from independent.contacts import COVERS, CoverName, cover_of, scenes, sphere
 from independent.film import RELAXATION_TIMES, Board, Effects, gate_voltage, low_pass, play
 from independent.judge import Limits, judge, rows, scans
 from independent.other_laws import LAWS
-from independent.stand import calibrate, calibration_of, programme
+from independent.stand import CLOCK_DELAY, calibrate, calibration_of, programme, recorded
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.error_states import Shared
 from posfet_model.reconstruction.reconstructor import Reconstructor
@@ -379,6 +379,31 @@ def test_what_is_least_significant_of_a_contact_with_the_whole_array_is_not_rele
         verdict = judge(board, calibration, "gauss", scenes()["ridged"])
         assert verdict.misleading <= 12.0, verdict
         assert min(verdict.taxels, verdict.total) >= 90.0, verdict
+
+
+@pytest.mark.parametrize("row", ["none", "warmth_300mK"])
+def test_the_clock_of_a_stand_is_found_whether_its_ball_is_warm_or_not(row: str) -> None:
+    # Warmth that comes in after a force made the force look as if it came 0.75 ms earlier.
+    _, delay = recorded(Board(SENSOR, rows()[row].effects, 1), "gauss")
+    assert delay == pytest.approx(CLOCK_DELAY, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_a_stand_whose_ball_is_hot_is_named() -> None:
+    # By 0.3 K. The line was that the presses are too short.
+    with pytest.raises(ValueError, match=r"^warmth: the ball .* by 0.3.* K, more than 0.2 K: press with an object"):
+        calibrate(Board(SENSOR, rows()["warmth_300mK"].effects, 1), "gauss")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_board_with_all_effects_at_their_hard_size_is_calibrated_and_covered(number: int) -> None:
+    # Its presses counted as too short, as warmth by 0.1 K looks like leakage.
+    board, calibration = calibrated("hard", number, "gauss")
+    assert calibration.warmth == pytest.approx(0.1, abs=0.02)
+    verdict = judge(board, calibration, "gauss", scenes()["mixed"])
+    assert verdict.misleading == 0.0, verdict
+    assert min(verdict.taxels, verdict.total) >= 90.0, verdict
 
 
 @pytest.mark.slow

@@ -275,20 +275,6 @@ class BenchSignals:
             if (count := len(self.intervals(taxel, with_hold=False)))
         }
 
-    def press_segments(self, *further: Array) -> list[Segment]:
-        """Return the presses.
-
-        Parameters
-        ----------
-        *further : ndarray
-            Further sources [N], shape [scans, taxels]: one that leaks, then signals.
-        """
-        return [
-            self.segment(taxel, begin, end, self.signal[begin:end, taxel], further)
-            for taxel in range(self.taxels)
-            for begin, end in self.intervals(taxel, with_hold=False)
-        ]
-
     def segment(
         self,
         taxel: int,

@@ -49,6 +49,9 @@ PRESS_TIME: Final = 2.0
 MAX_BENDING: Final = 0.03
 """Largest plausible bending of a chip, and of its gradients [1], assumed: four times that of a poor mount."""
 
+MAX_WARMTH: Final = 0.2
+"""Largest temperature rise of touched taxels by the ball [K]: twice as much as hides the force of a contact."""
+
 PRESS_SHARE: Final = 0.01
 """Residuals of a press may be this share of its force [1]: they would change the gain by as much."""
 
@@ -222,6 +225,26 @@ def check_bending(bending: BendingFit) -> None:
         raise FitError(
             f"bending: must be within +-{MAX_BENDING * 1e3:g} mN per newton on every taxel, got {largest * 1e3:.3g}: "
             "let nothing but the ball touch the array, and compare the places that it presses with the recording"
+        )
+
+
+def check_warmth(warmth: float) -> None:
+    """Refuse a ball that warms or cools the film too much.
+
+    Parameters
+    ----------
+    warmth : float
+        Temperature rise of the taxels that it touches [K].
+
+    Raises
+    ------
+    FitError
+        It is out of range.
+    """
+    if abs(warmth) > MAX_WARMTH:
+        raise FitError(
+            f"warmth: the ball changes the temperature of the taxels that it touches by {warmth:.2g} K, more than "
+            f"{MAX_WARMTH:g} K: press with an object as warm as the chip"
         )
 
 

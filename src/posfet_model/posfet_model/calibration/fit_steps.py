@@ -61,6 +61,15 @@ SIZE_PRIOR: Final = 0.1
 WARMTH_PRIOR: Final = 0.3
 """Prior standard deviation of the temperature rise of a touched taxel [K], assumed: that of a thin chip."""
 
+SLOPE_STEP: Final = 0.05
+"""Difference of the logarithms over which slopes are taken [1]."""
+
+REFINEMENTS: Final = 2
+"""Corrections of time constant and force of the temperature rise after the search."""
+
+LARGEST_STEP: Final = 0.3
+"""Largest such correction of their logarithms [1]."""
+
 COVER_PRIOR: Final = 0.5
 """Prior standard deviation of the share that each of these has [1], assumed."""
 
@@ -72,16 +81,12 @@ WARMTH_UNCERTAINTY: Final = (3e-3, 0.25)
 
 
 class FitSteps:
-    """The steps after the fit of the presses alone.
+    """The steps, in the order in which they are first taken.
 
     Parameters
     ----------
     bench : BenchSignals
         Signals and forces.
-    presses : ResponseFit
-        Fit of the presses alone.
-    dead : ndarray of bool
-        Taxels that measure nothing, shape [taxels].
 
     Attributes
     ----------
@@ -115,13 +120,13 @@ class FitSteps:
         Power of the force relative to that one with which it becomes whole [1].
     """
 
-    def __init__(self, bench: BenchSignals, presses: ResponseFit, dead: Mask) -> None:
-        self.bench, self.dead = bench, dead
+    def __init__(self, bench: BenchSignals) -> None:
+        self.bench, self.dead = bench, np.zeros(bench.taxels, np.bool_)
         self.poles = relaxation_poles(bench.sensor.device.leak_time_constant)
         self.segments: list[Segment] = []
         self.common = np.zeros(len(bench.time))
         self.shares = np.ones(bench.taxels)
-        self.offsets = np.array([np.median(presses.taxels[taxel].offsets) for taxel in range(bench.taxels)])
+        self.offsets = np.zeros(bench.taxels)
         self.time_constant = bench.sensor.device.leak_time_constant
         self.bending, self.profile = np.zeros(4), np.ones(bench.taxels)
         self.newton_per_kelvin = bench.sensor.device.pyroelectric_coefficient / charge_per_newton(bench.sensor)
@@ -133,6 +138,37 @@ class FitSteps:
     def alive(self) -> list[int]:
         """Numbers of the taxels that are not dead."""
         return [int(taxel) for taxel in np.flatnonzero(~self.dead)]
+
+    def fit_presses(self, *further: Array) -> ResponseFit:
+        """Fit the presses alone, and find the offsets; with a long hold, how much touched taxels are warmed as well.
+
+        Parameters
+        ----------
+        *further : ndarray
+            Further sources [N], shape [scans, taxels]: one that leaks, then signals.
+
+        Returns
+        -------
+        ResponseFit
+            The fit; sizes of the poles are 0.
+        """
+        bench = self.bench
+        segments = []
+        for taxel in range(bench.taxels):
+            warmth = None if bench.hold is None else self._warmth_source(taxel, 1.0)[:, None]
+            segments += [
+                bench.segment(taxel, begin, end, bench.signal[begin:end, taxel], further, warmth)
+                for begin, end in bench.intervals(taxel, with_hold=False)
+            ]
+        found = fit_responses(
+            segments,
+            bench.noise,
+            bench.start(SOURCES + len(further)),
+            1.0 / bench.sensor.device.leak_time_constant,
+            None if bench.hold is None else np.array([WARMTH_PRIOR]),
+        )
+        self.offsets = np.array([np.median(found.taxels[taxel].offsets) for taxel in range(bench.taxels)])
+        return found if bench.hold is None else found.with_common_before(POLES)
 
     def find_bending(self, fitted: ResponseFit) -> BendingFit:
         """Find the bending of the chip from what untouched taxels show.
@@ -266,6 +302,7 @@ class FitSteps:
         """
         if self.bench.hold is None:
             return
+        self.warmth_steepness = 1.0
         nominal = self.fit_all(before)
         if abs(float(nominal.common[POLES])) < WARMTH_UNCERTAINTY[0]:
             return  # no more than the taxels may differ by: what fits best is that of something else
@@ -301,8 +338,23 @@ class FitSteps:
             NOMINAL_WARMTH_TIME_CONSTANT,
         )
         self.warmth_time, self.warmth_force = time, force
+        for _ in range(REFINEMENTS):
+            self._refine_warmth(self.fit_all(before, with_slopes=True))
 
-    def fit_all(self, before: ResponseFit, with_crosstalk: bool = False, covers: Sequence[int] = ()) -> ResponseFit:
+    def _refine_warmth(self, found: ResponseFit) -> None:
+        """Correct time constant and force of the temperature rise by the slopes of a fit."""
+        changes = found.common[SLOW_SOURCES:] / found.common[POLES]
+        time, force = np.exp(np.clip(changes, -LARGEST_STEP, LARGEST_STEP)).tolist()
+        self.warmth_time *= time
+        self.warmth_force *= force
+
+    def fit_all(
+        self,
+        before: ResponseFit,
+        with_crosstalk: bool = False,
+        covers: Sequence[int] = (),
+        with_slopes: bool = False,
+    ) -> ResponseFit:
         """Fit presses and long hold jointly, common mode and bending subtracted.
 
         On demand with the neighbours' signals, or with what the others of these covers would change in place of the
@@ -317,6 +369,9 @@ class FitSteps:
         covers : sequence of int, default ()
             Numbers of covers; the common parameters after those of the film are what is added to the shares of all but
             the first one.
+        with_slopes : bool, default False
+            Whether the common parameters after those of the film are what is added to the logarithms of the time
+            constant and of the force of the temperature rise, times it.
 
         Returns
         -------
@@ -334,6 +389,9 @@ class FitSteps:
             if covers and common_sources is not None:
                 most, *others = (bench.parts[index, :, taxel] for index in covers)
                 common_sources = np.column_stack([common_sources, *(each - most for each in others)])
+            if with_slopes and common_sources is not None:
+                slopes = self._slopes(taxel, self.shares[taxel] / response.gain)
+                common_sources = np.column_stack([common_sources, slopes])
             bending = self._charge_of_bending(taxel, response.gain)
             for begin, end in intervals:
                 time = bench.time[begin:end]
@@ -350,6 +408,9 @@ class FitSteps:
             start[taxel] = TaxelResponse(response.rate, coefficients, zeros, zeros)
         self.segments = segments
         prior = np.array([*(SIZE_PRIOR,) * POLES, WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
+        if with_slopes:
+            warmth = max(abs(float(before.common[POLES])), WARMTH_UNCERTAINTY[0])
+            prior = np.array([*prior, warmth * WARMTH_TIME_SPREAD, warmth * WARMTH_FORCE_SPREAD])
         return fit_responses(
             segments,
             bench.noise,
@@ -399,9 +460,21 @@ class FitSteps:
             return None
         force = bench.force[:, taxel]
         columns = [low_pass(bench.time, force, pole) for pole in self.poles]
-        touched = -np.expm1(-((np.maximum(force, 0.0) / self.warmth_force) ** self.warmth_steepness))
-        columns.append(self.newton_per_kelvin * share * low_pass(bench.time, touched, self.warmth_time))
-        return np.stack(columns, axis=1)
+        return np.stack([*columns, self._warmth_source(taxel, share)], axis=1)
+
+    def _warmth_source(self, taxel: int, share: float, time: float = 1.0, force: float = 1.0) -> Array:
+        """Return the source of the temperature rise of a touched taxel, with that many times its time and force."""
+        pressed = np.maximum(self.bench.force[:, taxel], 0.0) / (force * self.warmth_force)
+        touched = -np.expm1(-(pressed**self.warmth_steepness))
+        source: Array = self.newton_per_kelvin * share * low_pass(self.bench.time, touched, time * self.warmth_time)
+        return source
+
+    def _slopes(self, taxel: int, share: float) -> Array:
+        """Return how the signal per gain changes with the logarithms of that time and force."""
+        more, less = math.exp(0.5 * SLOPE_STEP), math.exp(-0.5 * SLOPE_STEP)
+        by_time = self._warmth_source(taxel, share, time=more) - self._warmth_source(taxel, share, time=less)
+        by_force = self._warmth_source(taxel, share, force=more) - self._warmth_source(taxel, share, force=less)
+        return np.stack([by_time, by_force], axis=1) / SLOPE_STEP
 
     def _changing(self, used: Mask) -> Mask:
         """Return the rest in which the temperature changes most; all that is used if it never changes enough."""

@@ -8,7 +8,8 @@
 """Least-squares calibration of every taxel from a recording with known forces, in steps that do not mix up the causes.
 
 1. *Presses alone.* Gain, hysteresis, leakage and offset of each taxel are fitted while and shortly after it is pressed
-   (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. A first fit
+   (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. How much
+   touched taxels are warmed is fitted, too (with nominal time constant and force): it looks like leakage. A first fit
    has the signals of the four neighbours as a further source, from which the crosstalk follows, for which the signals
    are then compensated; the total force is a source, too, so that bending of the chip does not count as crosstalk.
 2. *Bending* of the chip, from the charge that presses make on untouched taxels (`bending_fit`).
@@ -36,7 +37,6 @@ from posfet_model.calibration.bench_signals import (
     COVER_SPREADS,
     MIN_FORCE,
     PLAY_HALF_WIDTHS,
-    SOURCES,
     TYPICAL_FORCE,
     BenchSignals,
     Recording,
@@ -50,10 +50,11 @@ from posfet_model.calibration.fit_checks import (
     check_ranges,
     check_responses,
     check_temperature,
+    check_warmth,
 )
 from posfet_model.calibration.fit_steps import POLES, WARMTH_UNCERTAINTY, FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
-from posfet_model.calibration.response_fit import ResponseFit, fit_responses
+from posfet_model.calibration.response_fit import ResponseFit
 from posfet_model.calibration.stuck_bits import find_stuck_bits
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
@@ -111,20 +112,17 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     """
     _check(sensor, recording)
     bench = BenchSignals(sensor, recording)
-    nominal_rate = 1.0 / sensor.device.leak_time_constant
+    steps = FitSteps(bench)
     total = np.broadcast_to(bench.force.sum(axis=1, keepdims=True), bench.force.shape)
-    first = fit_responses(
-        bench.press_segments(total, bench.near_signal), bench.noise, bench.start(SOURCES + 2), nominal_rate
-    )
-    bench.compensate(_crosstalk(first))
-    presses = fit_responses(bench.press_segments(), bench.noise, bench.start(SOURCES), nominal_rate)
+    bench.compensate(_crosstalk(steps.fit_presses(total, bench.near_signal)))
+    found = presses = steps.fit_presses()
     dead = find_stuck_bits(recording.counts)
     dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
     if dead.all():
         raise ValueError("no taxel responds to the force: nothing to calibrate")
     check_leakage(sensor, presses, dead)
     check_ranges(sensor, presses, dead)
-    steps, found = FitSteps(bench, presses, dead), presses
+    steps.dead = dead
     for index in range(ROUNDS):
         bending = steps.find_bending(found)
         steps.find_common_mode(found)
@@ -140,6 +138,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     if thermal is not None:
         check_temperature(thermal, bench.block_temperature)
     check_ranges(sensor, found, dead)
+    check_warmth(float(found.common[POLES]) if len(found.common) else 0.0)
     check_bending(bending)
     check_responses(steps.segments, found, bench.noise, bench.hold)
     return _calibration(steps, found, bending, thermal, date)

@@ -123,6 +123,17 @@ class ResponseFit:
         """
         return ResponseFit(self.taxels, self.common[:count], self.common_covariance[:count, :count])
 
+    def with_common_before(self, count: int) -> ResponseFit:
+        """Return the fit with that many common parameters of 0 before the others.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        """
+        covariance = np.pad(self.common_covariance, ((count, 0), (count, 0)))
+        return ResponseFit(self.taxels, np.append(np.zeros(count), self.common), covariance)
+
     def variances(self, noise: Array) -> dict[int, float]:
         """Return the variance of a block of each taxel [N2]: of noise, or of what is left, correlation included."""
         return {

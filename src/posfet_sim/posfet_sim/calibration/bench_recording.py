@@ -19,7 +19,7 @@ import csv
 import io
 import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -35,6 +35,8 @@ from posfet_model._lib.minima import golden_section
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
 from posfet_model.calibration.bench_signals import Recording
+from posfet_model.calibration.leaky_response import low_pass
+from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_FORCE, NOMINAL_WARMTH_TIME_CONSTANT
 from posfet_model.config import ConfigError, read_text
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -67,6 +69,12 @@ LEAK_RANGE: Final = (0.5, 2.0)
 
 LEAK_STEPS: Final = 16
 """Steps in which it is found [1], to 1e-3: the delay is wrong by less than 5 us."""
+
+SLOW_CHARGE: Final = 1.0
+"""Time constant with which charge of a film that relaxes or creeps comes in [s], assumed."""
+
+WARMED_LEVELS: Final = 200
+"""Number of forces for which the warmed taxels are counted [1]."""
 
 MIN_CORRELATION: Final = 0.5
 """Minimum correlation of the rates in the two files [1]."""
@@ -276,7 +284,7 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
             f"the reference must last from {begin:.1f} to {end:.1f} s as the frames do, "
             f"got {reference.times[0]:.1f} to {reference.times[-1]:.1f} s"
         )
-    late = _delay(sensor, scans, reference)
+    late = _delay(sensor, scans, reference, ball)
     aligned = reference.shifted(-late - begin)
     time = scans.time - begin
 
@@ -288,20 +296,23 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
     return Recording(time, scans.counts, scans.temperature, force_under(1.0, time), applied, force_under), late
 
 
-def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
+def _delay(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) -> float:
     """Return the delay of the reference [s], by correlation of the signal with what the force of the reference gives.
 
-    The leakage time constant is the one with which both correlate most.
+    That is charge at once, and charge that comes in slowly, as a film relaxes, creeps and is warmed by what touches it,
+    each as much as correlates most. The leakage time constant is the one with which both correlate most, too.
     """
     step = float(np.median(np.diff(scans.time)))
     grid = np.arange(scans.time[0], scans.time[-1], step)
     chain, scale, charge = InverseSignalChain(sensor), charge_per_newton(sensor), np.empty(sensor.layout.taxels)
     signal = np.array([float(chain.charge(counts, charge).sum()) / scale for counts in scans.counts])
-    correlation = _Correlation(
-        _smoothed(np.diff(np.interp(grid, scans.time, signal)), step),
-        _smoothed(np.diff(np.interp(grid, reference.times, reference.values[2])), step),
-        step,
+    force = np.interp(grid, reference.times, reference.values[2])
+    slow = low_pass(grid, force, SLOW_CHARGE)
+    warmth = low_pass(grid, _warmed(sensor, ball, force), NOMINAL_WARMTH_TIME_CONSTANT)
+    measured, *rates = (
+        _smoothed(np.diff(values), step) for values in (np.interp(grid, scans.time, signal), force, slow, warmth)
     )
+    correlation = _Correlation(measured, rates, step)
     nominal = sensor.device.leak_time_constant
     low, high = (math.log(limit * nominal) for limit in LEAK_RANGE)
     found = golden_section(lambda at: -correlation.best(math.exp(at))[0], low, high, LEAK_STEPS)
@@ -309,6 +320,15 @@ def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
     if not best > MIN_CORRELATION:
         raise ValueError(f"the reference does not match the recording within {MAX_DELAY:g} s: compare the clocks")
     return delay
+
+
+def _warmed(sensor: Sensor, ball: Sphere, force: Array) -> Array:
+    """Return how many taxels a ball warms on the middle of the array with a force [N], like it in shape."""
+    levels = np.linspace(0.0, math.sqrt(float(force.max())), WARMED_LEVELS) ** 2
+    pressed = Reference(levels, np.stack([0.0 * levels, 0.0 * levels, levels]))
+    warmed = -np.expm1(-_forces(sensor, levels, pressed, ball) / NOMINAL_WARMTH_FORCE).sum(axis=1)
+    counted: Array = np.interp(force, levels, warmed)
+    return counted
 
 
 def _smoothed(rate: Array, step: float) -> Array:
@@ -321,23 +341,23 @@ def _smoothed(rate: Array, step: float) -> Array:
 
 
 class _Correlation:
-    """Correlates the changes of a signal with those that a force gives, once it leaks.
+    """Correlates the changes of a signal with those that its causes give, once they leak.
 
     Parameters
     ----------
     measured : ndarray
         Change of the signal in each step [N], shape [steps].
-    rate : ndarray
-        Change of the force in each step [N], shape [steps].
+    rates : sequence of ndarray
+        Change of each cause in each step, that of the force first, shapes [steps].
     step : float
         Step [s].
     """
 
-    def __init__(self, measured: Array, rate: Array, step: float) -> None:
+    def __init__(self, measured: Array, rates: Sequence[Array], step: float) -> None:
         self._step, self._size = step, 1 << (2 * len(measured)).bit_length()
         self._measured = np.conj(np.fft.rfft(measured, self._size))
         self._norm = float(np.linalg.norm(measured))
-        self._rate = np.fft.rfft(rate, self._size)
+        self._rates = [np.fft.rfft(rate, self._size) for rate in rates]
         self._before = np.exp(-2j * np.pi * np.fft.rfftfreq(self._size))
         """What delays by a step."""
         self._lags = min(round(MAX_DELAY / step), len(measured) - 1)
@@ -350,20 +370,24 @@ class _Correlation:
         time_constant : float
             Leakage time constant [s].
         """
-        # The force is linear within a step: signal[n] = kept*signal[n-1] + time_constant/step*(1 - kept)*rate[n].
+        # The causes are linear within a step: signal[n] = kept*signal[n-1] + time_constant/step*(1 - kept)*rate[n].
         kept = math.exp(-self._step / time_constant)
         leaking = (time_constant / self._step * (1.0 - kept)) * (1.0 - self._before) / (1.0 - kept * self._before)
-        expected = leaking * self._rate
-        norm = self._norm * float(np.linalg.norm(np.fft.irfft(expected, self._size)))
-        if norm == 0.0:
+        expected = np.stack([np.fft.irfft(leaking * rate, self._size) for rate in self._rates])
+        if self._norm == 0.0 or not expected[0].any():
             return 0.0, 0.0
+        # Independent of each other, so that the squares of their correlations are added.
+        independent = np.linalg.qr(expected.T)[0].T
+        independent *= np.sign((independent * expected).sum(axis=1))[:, None]
         # Lags from -self._lags - 1 to self._lags + 1.
-        around = np.roll(np.fft.irfft(expected * self._measured, self._size), self._lags + 1)[: 2 * self._lags + 3]
+        lags = np.arange(-self._lags - 1, self._lags + 2)
+        each = np.stack([np.fft.irfft(np.fft.rfft(part) * self._measured, self._size)[lags] for part in independent])
+        around = np.copysign(np.sqrt((each**2).sum(axis=0)), each[0])
         at = int(around[1:-1].argmax()) + 1
         before, here, after = around[at - 1 : at + 2].tolist()
         bend = before - 2.0 * here + after
         fine = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-        return (here + 0.25 * (after - before) * fine) / norm, self._step * (at - self._lags - 1 + fine)
+        return (here + 0.25 * (after - before) * fine) / self._norm, self._step * (at - self._lags - 1 + fine)
 
 
 def _forces(sensor: Sensor, time: Array, reference: Reference, ball: Sphere) -> Array:
