@@ -201,8 +201,8 @@ def check_leakage(sensor: Sensor, presses: ResponseFit, dead: Mask) -> None:
         needed = PRESS_TIME * sensor.device.leak_time_constant
         raise FitError(
             f"leakage of taxel {taxel}: its presses tell the time constant to {worst:.0%} only, more than "
-            f"{LEAK_DEVIATION:.0%}: press each taxel for {needed:.1g} s, and leave it for as long, with an "
-            "object as warm as the chip, or compare leak_time_constant_s of the sensor file with the board"
+            f"{LEAK_DEVIATION:.0%}: press each taxel for {needed:.1g} s, and leave it for as long, "
+            "or compare leak_time_constant_s of the sensor file with the board"
         )
 
 
