@@ -195,8 +195,7 @@ def check_leakage(sensor: Sensor, presses: ResponseFit, dead: Mask) -> None:
     FitError
         The time constant of a taxel is not known.
     """
-    known = [(each.deviations[-1] / each.rate, taxel) for taxel, each in presses.taxels.items() if not dead[taxel]]
-    worst, taxel = max(known)
+    worst, taxel = leakage_deviation(presses, dead)
     if worst > LEAK_DEVIATION:
         needed = PRESS_TIME * sensor.device.leak_time_constant
         raise FitError(
@@ -204,6 +203,19 @@ def check_leakage(sensor: Sensor, presses: ResponseFit, dead: Mask) -> None:
             f"{LEAK_DEVIATION:.0%}: press each taxel for {needed:.1g} s, and leave it for as long, "
             "or compare leak_time_constant_s of the sensor file with the board"
         )
+
+
+def leakage_deviation(presses: ResponseFit, dead: Mask) -> tuple[float, int]:
+    """Return the greatest relative standard deviation of a leakage time constant [1], and its taxel.
+
+    Parameters
+    ----------
+    presses : ResponseFit
+        Fit of the presses alone.
+    dead : ndarray of bool
+        Taxels that measure nothing, shape [taxels].
+    """
+    return max((each.deviations[-1] / each.rate, taxel) for taxel, each in presses.taxels.items() if not dead[taxel])
 
 
 def check_bending(bending: BendingFit) -> None:

@@ -118,6 +118,8 @@ class FitSteps:
         Force at which they have 1 - 1/e of it [N].
     warmth_steepness : float
         Power of the force relative to that one with which it becomes whole [1].
+    warm_presses : bool
+        Whether the presses tell nothing without the temperature rise.
     """
 
     def __init__(self, bench: BenchSignals) -> None:
@@ -133,6 +135,7 @@ class FitSteps:
         self.warmth_time = NOMINAL_WARMTH_TIME_CONSTANT
         self.warmth_force = NOMINAL_WARMTH_FORCE
         self.warmth_steepness = 1.0
+        self.warm_presses = False
 
     @property
     def alive(self) -> list[int]:
@@ -140,7 +143,7 @@ class FitSteps:
         return [int(taxel) for taxel in np.flatnonzero(~self.dead)]
 
     def fit_presses(self, *further: Array) -> ResponseFit:
-        """Fit the presses alone, and find the offsets; with a long hold, how much touched taxels are warmed as well.
+        """Fit the presses alone, and find the offsets; where presses are warm, how much touched taxels are warmed, too.
 
         Parameters
         ----------
@@ -155,7 +158,7 @@ class FitSteps:
         bench = self.bench
         segments = []
         for taxel in range(bench.taxels):
-            warmth = None if bench.hold is None else self._warmth_source(taxel, 1.0)[:, None]
+            warmth = self._warmth_source(taxel, 1.0)[:, None] if self.warm_presses else None
             segments += [
                 bench.segment(taxel, begin, end, bench.signal[begin:end, taxel], further, warmth)
                 for begin, end in bench.intervals(taxel, with_hold=False)
@@ -165,10 +168,10 @@ class FitSteps:
             bench.noise,
             bench.start(SOURCES + len(further)),
             1.0 / bench.sensor.device.leak_time_constant,
-            None if bench.hold is None else np.array([WARMTH_PRIOR]),
+            np.array([WARMTH_PRIOR]) if self.warm_presses else None,
         )
         self.offsets = np.array([np.median(found.taxels[taxel].offsets) for taxel in range(bench.taxels)])
-        return found if bench.hold is None else found.with_common_before(POLES)
+        return found.with_common_before(POLES) if self.warm_presses else found
 
     def find_bending(self, fitted: ResponseFit) -> BendingFit:
         """Find the bending of the chip from what untouched taxels show.
@@ -338,7 +341,7 @@ class FitSteps:
             NOMINAL_WARMTH_TIME_CONSTANT,
         )
         self.warmth_time, self.warmth_force = time, force
-        for _ in range(REFINEMENTS):
+        for _ in range(REFINEMENTS if self.warm_presses else 0):
             self._refine_warmth(self.fit_all(before, with_slopes=True))
 
     def _refine_warmth(self, found: ResponseFit) -> None:

@@ -8,8 +8,8 @@
 """Least-squares calibration of every taxel from a recording with known forces, in steps that do not mix up the causes.
 
 1. *Presses alone.* Gain, hysteresis, leakage and offset of each taxel are fitted while and shortly after it is pressed
-   (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. How much
-   touched taxels are warmed is fitted, too (with nominal time constant and force): it looks like leakage. A first fit
+   (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. Where
+   that does not tell the leakage, how much touched taxels are warmed is fitted, too: it looks like leakage. A first fit
    has the signals of the four neighbours as a further source, from which the crosstalk follows, for which the signals
    are then compensated; the total force is a source, too, so that bending of the chip does not count as crosstalk.
 2. *Bending* of the chip, from the charge that presses make on untouched taxels (`bending_fit`).
@@ -45,12 +45,14 @@ from posfet_model.calibration.bench_signals import (
 from posfet_model.calibration.bending_fit import SLOW, BendingFit
 from posfet_model.calibration.cover_fit import find_cover
 from posfet_model.calibration.fit_checks import (
+    LEAK_DEVIATION,
     check_bending,
     check_leakage,
     check_ranges,
     check_responses,
     check_temperature,
     check_warmth,
+    leakage_deviation,
 )
 from posfet_model.calibration.fit_steps import POLES, WARMTH_UNCERTAINTY, FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
@@ -114,12 +116,16 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     bench = BenchSignals(sensor, recording)
     steps = FitSteps(bench)
     total = np.broadcast_to(bench.force.sum(axis=1, keepdims=True), bench.force.shape)
-    bench.compensate(_crosstalk(steps.fit_presses(total, bench.near_signal)))
-    found = presses = steps.fit_presses()
-    dead = find_stuck_bits(recording.counts)
-    dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
-    if dead.all():
-        raise ValueError("no taxel responds to the force: nothing to calibrate")
+    for steps.warm_presses in (False, True) if bench.hold is not None else (False,):
+        bench.compensate(0.0)
+        bench.compensate(_crosstalk(steps.fit_presses(total, bench.near_signal)))
+        found = presses = steps.fit_presses()
+        dead = find_stuck_bits(recording.counts)
+        dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
+        if dead.all():
+            raise ValueError("no taxel responds to the force: nothing to calibrate")
+        if leakage_deviation(presses, dead)[0] < LEAK_DEVIATION:
+            break
     check_leakage(sensor, presses, dead)
     check_ranges(sensor, presses, dead)
     steps.dead = dead
