@@ -33,6 +33,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_model._lib.types import Mask
 from posfet_model.calibration.bench_signals import (
     COVER_SPREADS,
     MIN_FORCE,
@@ -115,20 +116,14 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     _check(sensor, recording)
     bench = BenchSignals(sensor, recording)
     steps = FitSteps(bench)
-    total = np.broadcast_to(bench.force.sum(axis=1, keepdims=True), bench.force.shape)
-    for steps.warm_presses in (False, True) if bench.hold is not None else (False,):
-        bench.compensate(0.0)
-        bench.compensate(_crosstalk(steps.fit_presses(total, bench.near_signal)))
-        found = presses = steps.fit_presses()
-        dead = find_stuck_bits(recording.counts)
-        dead |= np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
-        if dead.all():
-            raise ValueError("no taxel responds to the force: nothing to calibrate")
-        if leakage_deviation(presses, dead)[0] < LEAK_DEVIATION:
-            break
-    check_leakage(sensor, presses, dead)
-    check_ranges(sensor, presses, dead)
-    steps.dead = dead
+    stuck = find_stuck_bits(recording.counts)
+    found = _fit_presses(steps, stuck)
+    if bench.hold is not None and leakage_deviation(found, steps.dead)[0] > LEAK_DEVIATION:
+        steps.warm_presses = True
+        found = _fit_presses(steps, stuck)
+    dead = steps.dead
+    check_leakage(sensor, found, dead)
+    check_ranges(sensor, found, dead)
     for index in range(ROUNDS):
         bending = steps.find_bending(found)
         steps.find_common_mode(found)
@@ -148,6 +143,19 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     check_bending(bending)
     check_responses(steps.segments, found, bench.noise, bench.hold)
     return _calibration(steps, found, bending, thermal, date)
+
+
+def _fit_presses(steps: FitSteps, stuck: Mask) -> ResponseFit:
+    """Fit the presses alone, with crosstalk compensated, and find the dead taxels; those with a stuck bit are."""
+    bench = steps.bench
+    total = np.broadcast_to(bench.force.sum(axis=1, keepdims=True), bench.force.shape)
+    bench.compensate(0.0)
+    bench.compensate(_crosstalk(steps.fit_presses(total, bench.near_signal)))
+    found = steps.fit_presses()
+    steps.dead = stuck | np.array([found.taxels[taxel].gain < DEAD_GAIN for taxel in range(bench.taxels)])
+    if steps.dead.all():
+        raise ValueError("no taxel responds to the force: nothing to calibrate")
+    return found
 
 
 def _calibration(
