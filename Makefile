@@ -66,11 +66,10 @@ endif
 bringup: $(BUILT)
 	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(WEB),--web) $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
-# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait. Tests that
-# share a long fit run in one of them (xdist_group).
+# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait.
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
-	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4 --dist loadgroup); fi; \
+	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 # 5: no test has the name that ARGS asks for.

@@ -58,7 +58,6 @@ MARKERS = (
     "ros: needs rclpy and the built posfet_msgs",
     "process: starts real processes and waits for their topics",
     "spice: needs ngspice on PATH",
-    "xdist_group: with a name, runs in the same worker of pytest-xdist as all others of that name",
     "slow: takes long, or measures against the wall clock, on a machine with nothing else to do; run by make soak",
     "vm: needs the CAN interfaces of the virtual machine, or the emulated Cortex-M board; run by make test-vm",
 )

@@ -32,8 +32,6 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.report import report
 from support.film_bench import Alteration, Board, Film, gain_at_once, record, with_slow_charge
 
-pytestmark = pytest.mark.xdist_group("real film")
-
 SENSOR = load_sensor()
 DATE = "2024-01-01T00:00:00+00:00"
 Floats = NDArray[np.float64]
