@@ -30,7 +30,7 @@ from posfet_model.calibration.taxel_calibration import (
 from posfet_model.config import ConfigError
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
-from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration import simulated_bench
 from posfet_sim.calibration.simulated_bench import record
@@ -207,6 +207,25 @@ def test_the_command_writes_a_calibration_that_the_score_reads(
     assert device.is_fifo()
     assert main([str(path), "--report", str(tmp_path / "none" / "report.html")]) == 1
     assert "report.html: cannot be written" in capsys.readouterr().err
+
+
+def test_the_command_replaces_nothing_but_a_calibration_of_the_sensor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nominal = Calibration.nominal(SENSOR)
+    monkeypatch.setattr(calibrate, "calibrate", lambda *_: nominal)
+    path = tmp_path / "thumb.yaml"
+    for content in ((SENSOR_FOLDER / "posfet_5x5.yaml").read_text(), ""):
+        path.write_text(content)
+        assert main([str(path)]) == 1
+        reason = "exists and is no calibration of this sensor, so it is not replaced: choose another name"
+        assert capsys.readouterr().err == f"{path}: {reason}\n"
+        assert path.read_text() == content
+    save_calibration(path, SENSOR, replace(nominal, date=DATE))
+    assert main([str(path)]) == 0
+    assert load_calibration(path, SENSOR).date == nominal.date != DATE
+    assert main([str(path), "--serial", "T-0042"]) == 1
+    assert "no calibration of this sensor" in capsys.readouterr().err
 
 
 def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: Path) -> None:

@@ -9,7 +9,10 @@
 
 from __future__ import annotations
 
+import shlex
+import shutil
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +22,12 @@ pytest.importorskip("mcap", reason="recordings need the package mcap")
 
 from posfet_model.calibration.bench_signals import MIN_FORCE
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.calibration.bench_recording import COLUMNS, last_force, read_scans
 from posfet_sim.calibration.guide import AFTER, HOLD, REST, Guide, Seen
 from posfet_sim.commands import guided
-from posfet_sim.commands.calibrate import main
+from posfet_sim.commands.calibrate import main, make_parser
 from posfet_sim.recording.recorded_scans import RecordedScans
 from support.paths import DATA
 
@@ -104,6 +107,24 @@ def test_the_scans_are_recorded_and_read_as_those_of_a_calibration(
     assert found.counts.tolist() == [scan.counts.tolist() for scan in expected]
     np.testing.assert_allclose(found.time, [scan.stamp * 1e-9 for scan in expected])
     assert np.isfinite(found.temperature).all()
+
+
+def test_the_line_for_a_later_fit_names_what_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(guided, "scans_of", lambda *_: nullcontext(stored()))
+    monkeypatch.setattr(guided, "_key", lambda: "\n")
+    shutil.copy(SENSOR_FOLDER / "posfet_5x5.yaml", "my thumb.yaml")
+    words = ["--guided", "-i", "slcan", "--sensor", "my thumb.yaml", "--serial", "T-0042", "--ball-radius", "2.5"]
+    assert main(["cal.yaml", *words]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line == (
+        "cal.mcap: recorded. With the file of the rig: posfet calibrate cal.yaml --recording cal.mcap --reference FILE "
+        "--ball-radius 2.5 --ball-modulus 4 --sensor 'my thumb.yaml' --serial T-0042 --report cal.html"
+    )
+    found = make_parser().parse_args(shlex.split(line.partition(": posfet calibrate ")[2]))
+    assert (found.sensor, found.serial, found.ball_radius) == ("my thumb.yaml", "T-0042", 2.5)
 
 
 def test_q_ends_it_with_what_was_recorded(tmp_path: Path) -> None:

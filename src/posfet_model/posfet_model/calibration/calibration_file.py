@@ -178,6 +178,33 @@ def check_writable(path: str | Path) -> Path:
     return target
 
 
+def check_replaceable(path: str | Path, sensor: Sensor) -> None:
+    """Refuse to overwrite a file that is no calibration of the sensor, such as its sensor file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it may be missing.
+    sensor : Sensor
+        The sensor to which the calibration has to belong.
+
+    Raises
+    ------
+    ConfigError
+        The file exists and is something else; one line.
+    """
+    target = Path(path)
+    if not target.exists():
+        return
+    try:
+        load_calibration(target, sensor)
+    except ConfigError as error:
+        raise ConfigError(
+            f"{one_line(str(target))}: exists and is no calibration of this sensor, so it is not replaced: choose "
+            "another name"
+        ) from error
+
+
 def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
     """Return the calibration of a sensor from its file.
 

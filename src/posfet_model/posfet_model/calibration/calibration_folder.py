@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from posfet_model._lib.shown import one_line, shown
-from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.calibration.calibration_file import check_replaceable, load_calibration, save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError, expanded
 from posfet_model.sensor.description import Sensor
@@ -98,11 +98,6 @@ class CalibrationFolder:
         )
 
     def _check_replaceable(self, path: Path) -> None:
-        reason = "is a symbolic link"
-        if not path.is_symlink():
-            try:
-                load_calibration(path, self._sensor)
-                return
-            except ConfigError:
-                reason = "is no calibration of this sensor"
-        raise ConfigError(f"{path}: exists and {reason}, so it is not replaced: choose another name")
+        if path.is_symlink():
+            raise ConfigError(f"{path}: exists and is a symbolic link, so it is not replaced: choose another name")
+        check_replaceable(path, self._sensor)

@@ -14,16 +14,18 @@ pressed a ball on each taxel; that of a simulated board to a simulated rig.
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from posfet_model.calibration.calibration_file import check_writable, save_calibration
+from posfet_model.calibration.calibration_file import check_replaceable, check_writable, save_calibration
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import BAD_INPUT, positive
 from posfet_model.config import ConfigError
+from posfet_model.parameters import SENSOR_FILE, SERIAL
 from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
 from posfet_sim.calibration.report import summary, write_report
@@ -55,10 +57,21 @@ def _guide(sensor: Sensor, options: argparse.Namespace) -> None:
     for step in guide.skipped:
         print(f"{step.title}: left out" + (f": {step.optional}" if step.optional else ""))
     if options.reference is None:
-        print(
-            f"{options.recording}: recorded. With the file of the rig: posfet calibrate {options.out} "
-            f"--recording {options.recording} --reference FILE --report {options.out.with_suffix('.html')}"
-        )
+        print(f"{options.recording}: recorded. With the file of the rig: {_fit_command(options)}")
+
+
+def _fit_command(options: argparse.Namespace) -> str:
+    """Return the command that fits a recording of `--guided` later, with what was given."""
+    words = ["posfet", "calibrate", str(options.out), "--recording", str(options.recording), "--reference", "FILE"]
+    words += ["--ball-radius", f"{options.ball_radius:g}", "--ball-modulus", f"{options.ball_modulus:g}"]
+    for option, parameter, value in (
+        ("--sensor", SENSOR_FILE, options.sensor),
+        ("--serial", SERIAL, options.serial),
+    ):
+        if value != parameter.default:
+            words += [option, value]
+    words += ["--report", str(options.report or options.out.with_suffix(".html"))]
+    return shlex.join(words)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -69,6 +82,7 @@ def main(words: Sequence[str] | None = None) -> int:
         for path in (options.out, options.report):
             if path is not None:
                 check_writable(path)
+        check_replaceable(options.out, sensor)
         if options.guided:
             _guide(sensor, options)
             if options.reference is None:
@@ -103,7 +117,12 @@ def make_parser() -> argparse.ArgumentParser:
         description="Fit the calibration of a board from a recording on a calibration rig that pressed a ball on each "
         "taxel, or of a simulated board on a simulated rig.",
     )
-    parser.add_argument("out", metavar="FILE", type=Path, help="the YAML file to write")
+    parser.add_argument(
+        "out",
+        metavar="FILE",
+        type=Path,
+        help="the YAML file to write; one that exists must be a calibration of the sensor",
+    )
     parser.add_argument(
         "--recording",
         metavar="FILE",
