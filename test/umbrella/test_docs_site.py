@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import pytest
 
 from posfet.reference_documents import PAGES, main
+from posfet.replay_command import TO_FILE
 from support.paths import DOCS, ROOT
 
 SPEC = spec_from_file_location("docs_site", ROOT / "tools/docs/site.py")
@@ -83,6 +84,11 @@ def in_the_repository(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", sorted(PAGES))
 def test_the_generated_reference_is_up_to_date(name: str) -> None:
     assert (DOCS / name).read_text(encoding="utf-8") == PAGES[name](), "run: make reference"
+
+
+def test_the_reference_names_the_arguments_of_a_replay_beside_its_options() -> None:
+    [replay] = re.findall(r"^## posfet replay\n(.*?)(?=^## )", PAGES["commands.md"](), re.MULTILINE | re.DOTALL)
+    assert replay.rstrip().endswith(f"With --out: {', '.join(argument.name for argument in TO_FILE)}.")
 
 
 def test_the_command_writes_the_reference(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:

@@ -136,7 +136,7 @@ def _parser(place: str) -> argparse.ArgumentParser:
 
 
 def _arguments(parser: argparse.ArgumentParser, program: str) -> Iterator[str]:
-    """Yield the arguments of a parser as a table, and those of its actions."""
+    """Yield the arguments of a parser as a table, what its help ends with, and the same of its actions."""
     rows = []
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -149,6 +149,8 @@ def _arguments(parser: argparse.ArgumentParser, program: str) -> Iterator[str]:
             rows.append(f"| {_usage(action)} | {_meaning(action, parser)} |")
     if rows:
         yield "\n".join(["| argument | meaning |", "|---|---|", *rows])
+    if parser.epilog:
+        yield " ".join(parser.epilog.split())
 
 
 def _usage(action: argparse.Action) -> str:
