@@ -5,4 +5,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""The commands `posfet sim`, `posfet score` and `posfet calibrate`."""
+"""The commands `posfet sim`, `posfet score`, `posfet calibrate` and `posfet export`."""
