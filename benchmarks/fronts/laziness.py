@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Laziness of the simulated board: computation that is left out at rest by several tolerances, and float width."""
+"""Skipped computation of the simulated board, at rest by several tolerances, and its float width."""
 
 from __future__ import annotations
 
@@ -90,14 +90,14 @@ def _front(scene: str, scans: int, effort: Effort) -> Front:
     share = boards[SHIPPED].taxel_updates / truth.taxel_updates
     single = worst[EXACT, "float32"]
     checks = (
-        Check("error of what is left out [full scale]", lazy.error, 0.0, ROUNDING * 1e3),
+        Check("error of skipped computation [full scale]", lazy.error, 0.0, ROUNDING * 1e3),
         Check("updates of taxels, over those of everything [1]", share, 0.0, 1.0),
         Check("error of float32 in units of its rounding [1]", single / 2**-24, 0.0, 1e3),
         Check(f"error at {loose.parameter} over that tolerance [1]", loose.error / TOLERANCES[-1], 0.0, 1.5),
     )
     return Front(
         f"laziness_{scene}",
-        f"Laziness of the simulated board, {scene}",
+        f"Skipped computation of the simulated board, {scene}",
         f"one scan of 25 taxels, scene {scene}",
         "largest difference of an output [full scale]",
         "every taxel computed in every scan in float64",
