@@ -410,6 +410,14 @@ Figures are means over {len(seeds)} boards, each run twice, with gain errors of 
 in runs longer than {LONG:g} s over {FEW} boards with one sign. Id switches and latency are the worst of the boards.
 "By gain errors alone" is the error of the total force when everything else is exact: only a
 better calibration reduces it. A section with a date of its own was made by another run.
+
+Columns. Total force: mean absolute error of the total force over the mean true one, while something touches. Force
+rmse: root mean square error of the force on a taxel while something touches, in scenes without touch always. Drift of
+a held force: greatest change of the error of the total force from 0.2 s on after a force became constant, where it is
+held for 5 s or longer. Cop: distance of the centre of pressure of a contact from the true one. Precision: share of the
+reported contacts that are within 1.5 pitches of a true one. Recall: share of the true contacts of 0.1 N or more that
+are reported. Id switches: changes of the track id of a contact. False contacts: those that are never near a true one.
+Errors of forces count in valid scans only. "-": the scene does not have the figure.
 """
     if only:
         document = DOCUMENT.read_text(encoding="utf-8")

@@ -314,8 +314,8 @@ HEAD: Final = (
 TEXT: Final = f"""\
 What a film and a readout board do that ideal ones do not (docs/simulation.md#real-film and below it), each alone, at
 the hard size and, with FULL=1 only, at the moderate one; all at once in the next section. The board is the default one
-besides, without resets and without an additional gain error, calibrated on its own stand with its effects (the
-recording of `posfet calibrate`). Every {EVERY}th scan is scored.
+besides, without resets and without an additional gain error, calibrated with its effects on the simulated calibration
+rig (the recording of `posfet calibrate`). Every {EVERY}th scan is scored.
 
 Force errors, coverage and "misleading" are about valid scans only: read them together with the share of scans that is
 valid, which includes the start. "Mean error" is the mean absolute error of the total force over the mean true one
@@ -335,7 +335,7 @@ d33 and leakage with temperature act while the chip warms by {60 * WARMING:g} K 
 
 TOGETHER_TEXT: Final = """\
 All effects at once, on `mixed`: four presses, a slide and a hold of 2 N for 20 s. "Calibrated without them": the same
-board, on a stand where it has none of the effects, so that what the estimator does is separated from what the
+board, calibrated on a rig where it has none of the effects, so that what the estimator does is separated from what the
 calibration does."""
 
 CONTACTS_TEXT: Final = """\
