@@ -20,6 +20,9 @@
 #   make protocol           write the tables of docs/protocol.md and the golden frames of the tests
 #   make clean              remove what was built; make distclean removes .venv and .vm as well
 
+# Modules are compiled once, not by each worker of the tests and each node that starts.
+unexport PYTHONDONTWRITEBYTECODE
+
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
