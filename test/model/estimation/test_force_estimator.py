@@ -424,6 +424,25 @@ def test_after_an_interruption_the_force_is_the_remaining_charge_and_not_valid_a
     assert not watch.estimator.valid
 
 
+def test_what_is_forgotten_leaves_nothing() -> None:
+    fresh, used = Watch(), Watch()
+    history(used, SENSOR, 1.0, force=lambda time: 0.5 * math.sin(40.0 * time), shape=PATCH)
+    assert used.estimator.restarts > 0, "offsets were rejected"
+    used.estimator.forget()
+    used.valid.clear()
+    used._last, used._touched[:], used._limit[:] = -1e-3, False, THRESHOLD
+    for each in (fresh, used):
+        history(each, SENSOR, 0.03)
+    offset = [each.estimator.belief.own[:, 1, 1] for each in (used, fresh)]
+    np.testing.assert_allclose(*offset, rtol=0.05)
+    for each in (fresh, used):
+        each._last -= 0.03
+    rows = [history(each, SENSOR, 1.0) for each in (fresh, used)]
+    assert used.valid == fresh.valid
+    np.testing.assert_allclose(rows[1][200:], rows[0][200:], rtol=0, atol=force_noise_rms(SENSOR))
+    np.testing.assert_allclose(*(each.estimator.variance(np.empty(TAXELS)) for each in (used, fresh)), rtol=0.05)
+
+
 def test_an_interruption_at_rest_leaves_forces_valid_soon_after() -> None:
     watch = Watch()
     for time, scan in scans(SENSOR, 2.0):

@@ -134,7 +134,7 @@ class Release:
 
     def __init__(self) -> None:
         self.detector = ReleaseDetector(TAXELS)
-        self.variance = np.full(TAXELS, DEVIATION**2)
+        self.variance, self.noise = np.full(TAXELS, DEVIATION**2), np.full(TAXELS, NOISE**2)
         self.last = deque([np.zeros(TAXELS)] * STILL_BLOCKS, maxlen=STILL_BLOCKS)
 
     def run(self, forces: Sequence[Array], contacts: Sequence[NDArray[np.intp]] = (CONTACT,)) -> list[list[int]]:
@@ -145,7 +145,7 @@ class Release:
         for force in forces:
             rise = force - self.last[0]
             self.last.append(force)
-            released = self.detector.update(contacts, force, force, rise, touched, self.variance, NOISE)
+            released = self.detector.update(contacts, force, force, rise, touched, self.variance, self.noise)
             found.append(np.flatnonzero(released).tolist())
         return found
 
@@ -210,6 +210,13 @@ def test_a_contact_is_not_released_while_it_moves() -> None:
     assert first(Release().run(hold(0.1, 20) + falling)) is None
 
 
+def test_a_noisy_taxel_elsewhere_does_not_make_a_contact_that_moves_still() -> None:
+    release = Release()
+    release.noise[OTHER] = (100.0 * NOISE) ** 2
+    falling = [at(0.015 - 0.0008 * number, *CONTACT.tolist()) for number in range(30)]
+    assert first(release.run(hold(0.1, 20) + falling)) is None
+
+
 def test_motion_that_bending_hides_keeps_a_taxel_unknown_and_a_contact_listed() -> None:
     """As it becomes known that the chip bends, less is left of a force that grows, or falls, in the same proportion."""
     release, taxel = Release(), int(CONTACT[0])
@@ -219,7 +226,7 @@ def test_motion_that_bending_hides_keeps_a_taxel_unknown_and_a_contact_listed() 
     for number in range(20):
         course = at(0.012 - 0.0005 * number, *CONTACT.tolist())
         mean = at(0.5 * DEVIATION, *CONTACT.tolist())
-        released = release.detector.update([CONTACT], mean, course, NOTHING, touched, release.variance, NOISE)
+        released = release.detector.update([CONTACT], mean, course, NOTHING, touched, release.variance, release.noise)
         assert not released.any()
     assert not release.detector.has_left(taxel, 0.5 * DEVIATION, NOISE)
 

@@ -117,8 +117,6 @@ OF_TOUCH: Final = np.isin(
 """Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
 tell nothing of the shared states."""
 
-"""Change of the shared states with the common drift."""
-
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
 
@@ -201,7 +199,7 @@ class Block:
     interval: float
     """Time since the reading before [s]."""
     leaked_time: float
-    """Time since the temperatures were zero, as one with the leak rates of the calibration [s]: offsets have leaked for
+    """Time since the temperatures began, as one with the leak rates of the calibration [s]: offsets have leaked for
     so long."""
     listed: Mask
     """Taxels in contact."""
@@ -500,19 +498,24 @@ class ForceEstimator:
         self._integration.held[:] += change
         self._usual -= change
         self._mean = self._mean + change
+        self._leaked = self._raw - self._integration.signal
         self._forget_blocks()
         self._drop_hypothesis()
         if forced:
             self._zero_known = True
-            self._lower_bound.mask[:] = False
             self._unexplained.reset()
             self._forget_touch()
-            self._listed = self._touched = self._beside = self._nowhere
+            self._forget_contacts()
             self._integration.watch_none()
-            self._refutation.wide = False
             self._integration.clipped[:] = 0.0
         self._start_block()
         return change
+
+    def _forget_contacts(self) -> None:
+        """Forget where something touches."""
+        self._lower_bound.mask[:] = False
+        self._refutation.wide = False
+        self._listed = self._touched = self._beside = self._nowhere
 
     def _forget_touch(self) -> None:
         """Forget the touch, after which no force is zero, and what touches told: the force was another one.
@@ -553,14 +556,16 @@ class ForceEstimator:
 
     def forget(self) -> None:
         """Forget all, as if the next scan were the first one: what was known is wrong."""
-        self._farthest = self._touched_for = 0.0
-        self._refutation.wide = False
-        self._left_force[:] = 0.0
+        self._farthest = self._touched_for = self._rested = 0.0
+        self._left_force[:] = self._touch_force[:] = self._tail[:] = self._warmth[:] = 0.0
+        self._warmed[:] = self._stepped[:] = 0.0
+        self._left_deviation[:] = self._left
+        self._unexplained = UnexplainedResiduals(len(self.force), self._threshold)
         self._hot = self._shown_hot = self._touches = self._begun = self._zero_known = False
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
-        self._listed = self._touched = self._beside = self._nowhere
+        self._forget_contacts()
         self.offset_known[:] = False
         self.force[:] = 0.0
         self._started = self.valid = False
@@ -592,13 +597,12 @@ class ForceEstimator:
         self._listed = listed
         self._observe_steady_force()
         self._observe_lone_drift(block)
-        variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
+        variance = self._own + self._shared_variance()
         bends = slice(Shared.BEND, Shared.BEND + BENDS)
         predicted = self._filter.predicted(block.response)
         course = block.mean - predicted + block.response[:, bends] @ self.belief.shared[bends]
-        noise = math.sqrt(float(block.noise.max()))
         rise = block.mean - self._blocks[-1 - STILL_BLOCKS].mean if len(self._blocks) > STILL_BLOCKS else self._nothing
-        released = self._release.update(contacts, self._mean, course, rise, self._touched, variance, noise)
+        released = self._release.update(contacts, self._mean, course, rise, self._touched, variance, block.noise)
         left = self._thermal_contact.find_left(contacts)
         if released is None and any_true(left):
             released = np.zeros_like(left)
@@ -686,11 +690,10 @@ class ForceEstimator:
         self._rested = 0.0 if any_true(block.listed) else self._rested + self._elapsed
         at_rest = len(self._blocks) == LAG and self._rested >= LAG * BLOCK + QUIET
         self._observe_steps(at_rest)
-        if not at_rest or any_true(block.touched):
-            self._walk.pause()
-            return
         usable = ~self.ignored
-        if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
+        comparable = np.count_nonzero(usable) >= UniformChange.FEWEST and self._uniform.observable
+        if not at_rest or not comparable or any_true(block.touched):
+            self._walk.pause()
             return
         before, after = self._blocks[0], self._blocks[1]
         change = after.mean - before.mean - after.span * self._offset() * self._per_second()
@@ -770,9 +773,8 @@ class ForceEstimator:
             self._lone_drift.restart()
             return
         counts = self.offset_known & ~self.ignored & ~self._lower_bound.mask
-        found = self._lone_drift.observe(
-            self._mean, counts, block.listed, block.touched, float(block.noise.max()), block.span
-        )
+        noise = float(block.noise.max(where=counts, initial=0.0))
+        found = self._lone_drift.observe(self._mean, counts, block.listed, block.touched, noise, block.span)
         if found is None:
             return
         step = np.zeros(len(self._mean))
@@ -841,7 +843,7 @@ class ForceEstimator:
         own_noise[:, [0, 4, 4], [4, 0, 4]] += differs[:, None]
         tail_moved, moved = 0.0, self._moved_share(held)
         if any_touched or self._touch.responding or any_true(self._touched):
-            spread = self._tail_spread()
+            spread = self._tail_spread(self.belief)
             grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
             own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
             own_noise[:, 2, 2] += np.maximum(warmed - self._warmed, 0.0)
@@ -948,7 +950,7 @@ class ForceEstimator:
             by_warmth = self._per_kelvin * float(shared[Shared.WARMTH]) * self._touch.warm
             tail = np.where(around, tail, 0.0)
             least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
-            most = np.maximum(force, 2.0 * self._tail_spread() * tail)
+            most = np.maximum(force, 2.0 * self._tail_spread(self.belief) * tail)
         # Where warmth might be all of a force, it is what it was when that beside it came to rest.
         if self._priors.warmth_certain > 0.0:
             certain = ~self.ignored & (least > self._threshold)
@@ -978,12 +980,12 @@ class ForceEstimator:
         reading = np.where(self.ignored, 0.0, self._mean + self._per_kelvin * warmed)
         self._thermal_contact.update(reading, self._elapsed)
 
-    def _tail_spread(self) -> float:
+    def _tail_spread(self, belief: Belief) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
 
         As much as that itself, which is far from its prior where forces do not decline geometrically: beside a pad.
         """
-        return max(self._priors.tail, abs(float(self.belief.shared[Shared.TAIL])))
+        return max(self._priors.tail, abs(float(belief.shared[Shared.TAIL])))
 
     def _offset(self) -> Array:
         """Return the offset of each signal [N], with what all have in common."""
@@ -1020,7 +1022,7 @@ class ForceEstimator:
         Those that do not show it themselves are left out of the last blocks only: their zeros before that tell their
         offsets. All are left out where a wide object began.
         """
-        wide = self.offset_known & self._was_misled()
+        wide = self.offset_known & (self._refuted != 0.0 or self._was_misled())
         self._filter.belief = self._blocks[0].before
         if self._refuted:
             self._witnesses.clear()
@@ -1148,11 +1150,11 @@ class ForceEstimator:
         own_noise = block.own_noise.copy()
         fresh = beside & (belief.own[:, 2, 2] == 0.0)
         if any_true(fresh):
-            small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
+            small = self._tail_spread(belief) * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span, block.warming)
         # As the forces beside the contact change, the tail does by as much as it is.
-        forgotten = block.moved_share + 0.5 * self._tail_spread() ** 2 / UNKNOWN_TAIL * block.tail_moved
+        forgotten = block.moved_share + 0.5 * self._tail_spread(belief) ** 2 / UNKNOWN_TAIL * block.tail_moved
         kept = math.exp(-forgotten)
         matrix[Shared.TAIL, Shared.TAIL] = kept
         after[Shared.TAIL] = p.tail + kept * (belief.shared[Shared.TAIL] - p.tail)
@@ -1401,6 +1403,7 @@ class ForceEstimator:
         self._last_mean = mean
         if ended.any():
             self.belief.reset_force_error(ended, block.mean, block.response, block.noise)
+            self._rested = 0.0
             self._forget_blocks()  # to process them again would undo it
 
     def _warmth_variance(self) -> Array:
@@ -1430,7 +1433,7 @@ class ForceEstimator:
         self._follow_usual(block)
         self._set_covariance(block)
         self._recovering = max(0.0, self._recovering - block.duration)
-        failed = np.abs(self.force) > self._runaway
+        failed = ~(np.abs(self.force) <= self._runaway)
         if any_true(failed):
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
@@ -1632,6 +1635,7 @@ class ForceEstimator:
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)
+        self._last_mean = np.full(len(signal), math.nan)
         self._begun, self._touches = False, True
         self.force[:] = self._integration.held[:] = np.maximum(remaining, 0.0)
         self._correction[:] = self._raw - self.force

@@ -139,7 +139,7 @@ class UnexplainedResiduals:
         return errors
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Forget what is rising and below zero; averages stay."""
         self.rising[:] = False
         self.below[:] = self._steady[:] = 0.0
 
@@ -186,7 +186,7 @@ class ReleaseDetector:
         rise: Array,
         touched: Mask,
         variance: Array,
-        noise: float,
+        noise: Array,
     ) -> Mask | None:
         """Process a block; return the mask of the taxels of released contacts, None without one.
 
@@ -204,8 +204,8 @@ class ReleaseDetector:
             Touched taxels.
         variance : ndarray of float64, shape [taxels]
             Their variances [N2].
-        noise : float
-            Standard deviation of a mean [N].
+        noise : ndarray of float64, shape [taxels]
+            Variances of the noise of a mean [N2].
         """
         self._peak *= PEAK_DECAY
         self._object *= PEAK_DECAY
@@ -227,10 +227,10 @@ class ReleaseDetector:
             for contact in contacts:
                 peak = float(self._peak[contact].max())
                 force = mean[contact]
-                moved = float(np.abs(course[contact] - before[contact]).max())
+                motion = float((np.abs(course[contact] - before[contact]) - GATE * np.sqrt(noise[contact])).max())
                 looks[contact] = (
                     _total(force) < RELEASED_SHARE * float(self._object[contact].max())
-                    and moved < GATE * noise + RESIDUAL_MOTION * peak
+                    and motion < RESIDUAL_MOTION * peak
                     and float(np.mean(force * force / variance[contact])) < _mean_square(len(contact))
                 )
         self._blocks = np.where(looks, self._blocks + 1, 0)

@@ -96,14 +96,19 @@ class Witnesses:
         self._blocks.append([[]])
 
     def passages(self, witness: Witness) -> Iterator[Block]:
-        """Yield what has passed since a witness was called, with equal parts of the process noise of the taxels."""
+        """Yield what has passed since a witness was called, with equal parts of the process noise of the taxels.
+
+        The last part is what no reading has ended yet.
+        """
         passages = self._blocks[[each is witness for each in self.all].index(True)]
         all_blocks = [block for passage in passages for block in passage]
         noise = np.sum([block.own_noise for block in all_blocks], axis=0)
         left = np.sum([np.log(np.maximum(1.0 - block.cooled, LEAST_LEFT)) for block in all_blocks], axis=0)
-        count = len(passages) - 1
-        for passage in passages[:-1]:
-            yield replace(_passage(passage), own_noise=noise / count, cooled=-np.expm1(left / count))
+        parts = [_passage(passage) for passage in passages if passage]
+        if passages[-1]:
+            parts[-1].reading = math.nan
+        for part in parts:
+            yield replace(part, own_noise=noise / len(parts), cooled=-np.expm1(left / len(parts)))
 
 
 def _passage(blocks: list[Block]) -> Block:

@@ -174,7 +174,9 @@ double ForceEstimator::whole_variance(std::size_t taxel) const {
 
 /// By how much forces beside a contact differ from what they have in common, relative to the decline: as much as that
 /// itself, which is far from its prior where forces do not decline geometrically: beside a pad.
-double ForceEstimator::tail_spread() const { return std::max(priors_.tail, std::abs(belief()->shared[kTail])); }
+double ForceEstimator::tail_spread(const Belief& belief) const {
+  return std::max(priors_.tail, std::abs(belief.shared[kTail]));
+}
 
 /// Rate of the film's temperature [K/s].
 double ForceEstimator::film_rate() const {
@@ -256,22 +258,28 @@ void ForceEstimator::tare(bool forced, double* change) {
     state().held[taxel] += change[taxel];
     absorbed_.shift(taxel, -change[taxel]);
     mean_[taxel] += change[taxel];
+    leaked_[taxel] = state().raw[taxel] - signal(taxel);
   }
   forget_blocks();
   drop_hypothesis();
   if (forced) {
     zero_known_ = true;
-    lower_bound_.clear();
     unexplained_.reset();
     forget_touch();
-    for (TaxelFlags* mask : {&listed_, &touched_, &beside_}) {
-      mask->fill(false);
-    }
+    forget_contacts();
     integration_->watch_none();
-    refutation_.clear();
     std::fill(state().clipped.begin(), state().clipped.end(), 0.0);
   }
   start_block();
+}
+
+/// Forget where something touches.
+void ForceEstimator::forget_contacts() {
+  lower_bound_.clear();
+  refutation_.clear();
+  for (TaxelFlags* mask : {&listed_, &touched_, &beside_}) {
+    mask->fill(false);
+  }
 }
 
 /// Forget the touch, after which no force is zero, and what touches told: the force was another one. What it warmed
@@ -336,6 +344,7 @@ void ForceEstimator::start(const double* charge) {
     driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   lower_bound_.start(before.data(), remaining.data());
+  std::fill(last_mean_.begin(), last_mean_.end(), kUnknown);
   hot_film_.interrupt();
   b.integrate(leaked_share_.data(), driven_.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -357,16 +366,18 @@ void ForceEstimator::start(const double* charge) {
 }
 
 void ForceEstimator::forget() {
-  farthest_ = 0.0;
+  farthest_ = rested_ = 0.0;
   zero_known_ = false;
-  std::fill(left_force_.begin(), left_force_.end(), 0.0);
-  refutation_.clear();
+  for (std::vector<double>* each : {&left_force_, &touch_force_, &tail_, &warmth_, &warmed_, &stepped_}) {
+    std::fill(each->begin(), each->end(), 0.0);
+  }
+  left_deviation_.assign(taxels(), array_.left_charge);
+  unexplained_ = UnexplainedResiduals(taxels(), array_.threshold);
   hot_film_.forget();
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
-  for (TaxelFlags* mask : {&listed_, &touched_, &beside_, &state().offset_known}) {
-    mask->fill(false);
-  }
+  forget_contacts();
+  state().offset_known.fill(false);
   std::fill(state().force.begin(), state().force.end(), 0.0);
   integration_->block().started = integration_->block().valid = false;
 }
@@ -485,7 +496,7 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   }
   listed_.set(block.listed.data());
   observe_steady_force();
-  observe_lone_drift();
+  observe_lone_drift(block);
   release(block, listed_contacts);
   if (lower_bound_.mask().any()) {
     end_unknown_touch(block);

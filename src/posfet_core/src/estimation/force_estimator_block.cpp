@@ -65,7 +65,7 @@ void ForceEstimator::measure(Block& block) {
     leaked_[taxel] = leaked;
     // Noise is no motion: without this play its path would count, which is long after a minute.
     const double play = kPlay * std::sqrt(block.noise[taxel]);
-    steady_[taxel] = std::min(std::max(steady_[taxel], mean_[taxel] - play), mean_[taxel] + play);
+    steady_[taxel] = std::min(mean_[taxel] + play, std::max(mean_[taxel] - play, steady_[taxel]));  // NaN goes
   }
   readings_.take(*integration_, block);
   find_tails(block);
@@ -109,7 +109,7 @@ void ForceEstimator::measure_touch(Block& block) {
   std::vector<double>& least = deviation_;
   std::vector<double>& most = own_deviation_;
   surroundings_.dilate(block.listed, chosen_);
-  const double spread = 2.0 * tail_spread();
+  const double spread = 2.0 * tail_spread(*belief());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     // Without the force that is the warmth's own, which would keep itself up.
     const double by_warmth = array_.newton_per_kelvin[taxel] * belief()->shared[kWarmth] * touch_.warm()[taxel];
@@ -254,7 +254,7 @@ void ForceEstimator::add_warmth_noise(Block& block) {
 
 /// Add what a film does as the force changes, and how the small forces beside a contact change with those in it.
 void ForceEstimator::add_touch_noise(Block& block, const std::vector<double>& pressing) {
-  const double spread = square(tail_spread());
+  const double spread = square(tail_spread(*belief()));
   double whole = 0.0;
   double moved = 0.0;
   surroundings_.dilate(block.touched, chosen_);
@@ -297,9 +297,9 @@ void ForceEstimator::observe_noise(const Block& block) {
   if (blocks_.full()) {
     rest_noise_.observe_steps(blocks_, *belief(), chosen_, at_rest && comparable);
   }
-  if (!at_rest || block.touched.any()) {
+  if (!at_rest || !comparable || block.touched.any()) {
     rest_noise_.pause();
-  } else if (comparable) {
+  } else {
     const double known = rest_noise_.walk().intensity();
     rest_noise_.observe_walk(blocks_, *belief(), chosen_);
     admit_walk(known);
@@ -353,9 +353,7 @@ void ForceEstimator::observe_steady_force() {
   if (!found) {
     return;
   }
-  std::array<double, kSharedStates> spread{};
-  multiply(found->sensitivity.data(), b.covariance().data(), spread.data(), 1, b.states(), b.states());
-  const double expected = dot(spread.data(), found->sensitivity.data(), b.states()) + found->variance;
+  const double expected = filter_.shared_variance(found->sensitivity.data()) + found->variance;
   if (square(found->innovation) < square(kSurprising) * expected) {
     filter_.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
   }
@@ -363,16 +361,16 @@ void ForceEstimator::observe_steady_force() {
 
 /// Find a taxel whose force drifts alone: its signal has stepped. Not where warmth may be all of a force, which it
 /// keeps up as it comes and goes.
-void ForceEstimator::observe_lone_drift() {
+void ForceEstimator::observe_lone_drift(const Block& block) {
   if (hidden_share() > kHides) {
     lone_drift_.restart();
     return;
   }
-  const Block& block = blocks_.newest();
+  double noise = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = !ignored()[taxel] && !lower_bound_.mask()[taxel] && offset_known()[taxel];
+    noise = chosen_[taxel] ? std::max(noise, block.noise[taxel]) : noise;
   }
-  const double noise = *std::max_element(block.noise.begin(), block.noise.end());
   const auto found =
       lone_drift_.observe(mean_.data(), chosen_.data(), block.listed.data(), block.touched.data(), noise, block.span);
   if (found) {

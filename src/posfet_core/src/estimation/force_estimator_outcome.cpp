@@ -62,7 +62,7 @@ void ForceEstimator::finish(const Block& block) {
   set_covariance(block);
   recovering_ = std::max(0.0, recovering_ - block.duration);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    chosen_[taxel] = std::abs(s.force[taxel]) > kRunaway * array_.greatest_force;
+    chosen_[taxel] = !(std::abs(s.force[taxel]) <= kRunaway * array_.greatest_force);  // NaN, too
     restarts_ += chosen_[taxel] && !ignored()[taxel] ? 1 : 0;
   }
   restart(chosen_);
@@ -114,7 +114,7 @@ void ForceEstimator::set_covariance(const Block& block) {
     // temperature contributes, which grows during a touch only.
     const double by_response = square(own[own_at(kForceError, kPyroelectric)]) /
                                std::max(own[own_at(kPyroelectric, kPyroelectric)], kNegligibleResponse);
-    const double by_warmth = !beside_[taxel] || own[own_at(kOwnWarmth, kOwnWarmth)] == 0.0
+    const double by_warmth = !beside_[taxel] || own[own_at(kOwnWarmth, kOwnWarmth)] <= 0.0
                                  ? 0.0
                                  : square(own[own_at(kForceError, kOwnWarmth)]) / own[own_at(kOwnWarmth, kOwnWarmth)];
     untouched_variance_[taxel] = std::max(own_[taxel] - by_response - by_warmth, 0.0) + shared_variance[taxel];

@@ -163,7 +163,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
   std::vector<double>& course = residual_;
   filter_.predicted(block.response.data(), course.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    variance[taxel] = contacts.empty() ? own_[taxel] : whole_variance(taxel);
+    variance[taxel] = whole_variance(taxel);
     const double* response = block.response.data() + taxel * kSharedStates;
     course[taxel] = block.mean[taxel] - course[taxel] + dot(response + kBend, belief()->shared.data() + kBend, kBends);
   }
@@ -173,9 +173,8 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
     rise[taxel] =
         known ? block.mean[taxel] - blocks_[blocks_.size() - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
   }
-  const double noise = std::sqrt(*std::max_element(block.noise.begin(), block.noise.end()));
   const bool released = release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(),
-                                        variance.data(), noise, chosen_.data());
+                                        variance.data(), block.noise.data(), chosen_.data());
   if ((!find_left(contacts) && !released) || !drop_shown(variance)) {
     return;
   }
@@ -239,6 +238,7 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
     }
   }
   if (ended.any()) {
+    rested_ = 0.0;
     forget_blocks();  // to process them again would undo it
   }
 }

@@ -37,7 +37,7 @@ constexpr double kUnknownTail = 0.15;
 /// refuted the zeros of all, the rate may have been wrong before these blocks, too.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
   ++processed_again_;
-  const bool wide = was_misled();
+  const bool wide = refuted_ != 0.0 || was_misled();
   *belief() = blocks_[0].before;
   if (refuted_ != 0.0) {
     witnesses_.clear();  // of another past
@@ -91,7 +91,7 @@ void ForceEstimator::predict(ForceErrorFilter& filter, const Block& block) {
   }
   b.forget_small_forces(chosen_.data());
   own_noise_ = block.own_noise;
-  const double spread = tail_spread();
+  const double spread = tail_spread(b);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const std::size_t place = taxel * kOwnStates * kOwnStates + own_at(kSmallForce, kSmallForce);
     if (small_[taxel] && b.own[place] == 0.0) {  // beside the contact since now

@@ -349,6 +349,7 @@ void bind_estimator_methods(BoundEstimator& bound) {
           },
           py::arg("charge"), "Start with a scan of these charge densities [C/m2], which has no predecessor.")
       .def("interrupt", &ForceEstimator::interrupt, "Record that an unknown time passes before the next scan.")
+      .def("forget", &ForceEstimator::forget, "Forget all, as if the next scan were the first one.")
       .def("close_block", &close_block, py::arg("touched"), py::arg("contacts") = py::tuple(),
            "Process the block that is due: the taxels in contact at any time of it, and those of each contact.")
       .def(

@@ -161,7 +161,7 @@ void bind_touch_response(const py::module_& module) {
           "Charge by which the film's hysteresis differs from that of the force, as a force [N].")
       .def_property_readonly(
           "range", [](const TouchResponse& response) { return array_of(response.range()); },
-          "The same with the greatest thermal contact that there may be [1], a new array.")
+          "By how much more it may be with the greatest thermal contact that there may be [1], a new array.")
       .def_property_readonly("leaked", of_each_taxel(&TouchResponse::leaked),
                              "Leaked charge of the touched force of each taxel, as a force [N].")
       .def(
@@ -400,12 +400,12 @@ void bind_release(const py::module_& module) {
       .def(
           "update",
           [](ReleaseDetector& detector, const py::sequence& contacts, const Values& mean, const Values& course,
-             const Values& rise, const Tested& touched, const Values& variance, double noise) {
-            require_all(detector.taxels(), {mean, course, rise, touched, variance});
+             const Values& rise, const Tested& touched, const Values& variance, const Values& noise) {
+            require_all(detector.taxels(), {mean, course, rise, touched, variance, noise});
             const std::vector<Taxels> taxels = contacts_from(contacts, static_cast<Taxel>(detector.taxels()));
             TaxelFlags released(detector.taxels());
             detector.update(pointers_to(taxels), mean.data(), course.data(), rise.data(), touched.data(),
-                            variance.data(), noise, released.data());
+                            variance.data(), noise.data(), released.data());
             return array_of(released);
           },
           py::arg("contacts"), py::arg("mean"), py::arg("course"), py::arg("rise"), py::arg("touched"),

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "force_estimator_constants.hpp"
 
@@ -33,7 +34,7 @@ ReleaseDetector::ReleaseDetector(std::size_t taxels)
       looks_released_for_(taxels, kReleasedBlocks) {}
 
 bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const double* course,
-                             const double* rise, const bool* touched, const double* variance, double noise,
+                             const double* rise, const bool* touched, const double* variance, const double* noise,
                              bool* released) {
   const std::size_t taxels = peak_.size();
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
@@ -90,7 +91,7 @@ bool ReleaseDetector::has_left(std::size_t taxel, double mean, double noise) con
 }
 
 bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, const double* course,
-                                     const double* variance, double noise) const {
+                                     const double* variance, const double* noise) const {
   if (seen_ < means_.size() || contact.empty()) {
     return false;
   }
@@ -98,17 +99,17 @@ bool ReleaseDetector::looks_released(const Taxels& contact, const double* mean, 
   double peak = 0.0;
   double object = 0.0;
   double total = 0.0;
-  double moved = 0.0;
+  double motion = -std::numeric_limits<double>::infinity();  // beyond the noise of each taxel [N]
   double squares = 0.0;
   for (const Taxel each : contact) {
     const auto taxel = static_cast<std::size_t>(each);
     peak = std::max(peak, peak_[taxel]);
     object = std::max(object, object_[taxel]);
     total += mean[taxel];
-    moved = std::max(moved, std::abs(course[taxel] - before[taxel]));
+    motion = std::max(motion, std::abs(course[taxel] - before[taxel]) - kGate * std::sqrt(noise[taxel]));
     squares += mean[taxel] * mean[taxel] / variance[taxel];
   }
-  return total < kReleasedShare * object && moved < kGate * noise + kResidualMotion * peak &&
+  return total < kReleasedShare * object && motion < kResidualMotion * peak &&
          squares / static_cast<double>(contact.size()) < mean_square(contact.size());
 }
 

@@ -15,6 +15,7 @@
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/flags.hpp"
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -23,12 +24,12 @@ struct Passage {
   double duration = 0.0;          ///< Its duration [s].
   double leak = 1.0;              ///< Rate of the leakage, relative to that of the calibration [1].
   double span = 0.0;              ///< Time from the middle of the block before to its own [s].
-  double reading = 0.0;           ///< New mean reading of the temperature sensors [K]; NaN: none.
+  double reading = kUnknown;      ///< New mean reading of the temperature sensors [K]; NaN: none.
   double reading_variance = 0.0;  ///< Variance of its noise [K2].
   double interval = 0.0;          ///< Time since the reading before [s].
   double unlikely = 0.0;     ///< Twice the negative logarithm of the likelihood of the reading, as zeros let expect
                              ///< it, up to a constant [1].
-  double leaked_time = 0.0;  ///< Time since the temperatures were zero, as one with the leak rates of the
+  double leaked_time = 0.0;  ///< Time since the temperatures began, as one with the leak rates of the
                              ///< calibration [s]: offsets have leaked for so long.
   double moved_share = 0.0;  ///< Share of the force that has moved from taxel to taxel [1].
   double tail_moved = 0.0;   ///< Share of the tail that is new [1].

@@ -86,8 +86,9 @@ struct SharedTransition {
 
 /// Transition of the shared states over a block.
 ///
-/// Chip, film and sensors: C' = U, Theta' = (C - Theta)/tau_film, S' = (C - S)/exp(l); the others are constant, but for
-/// a small random walk by which they forget in about an hour. How the sensors follow a change of the rate is not quite
+/// Chip, film and sensors: C' = U, Theta' = (C - Theta)/tau_film, S' = (C - S)/exp(l); the others are constant,
+/// but for a small random walk by which they forget in about an hour; drift, earlier warming, zero and tail have none.
+/// How the sensors follow a change of the rate is not quite
 /// known where a part of their lag is a dead time.
 class SharedDynamics {
 public:

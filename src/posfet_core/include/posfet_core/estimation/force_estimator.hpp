@@ -202,7 +202,7 @@ private:
   double warmth_difference() const;
   double warmth_variance(std::size_t taxel) const;
   double whole_variance(std::size_t taxel) const;
-  double tail_spread() const;
+  double tail_spread(const Belief& belief) const;
   double film_rate() const;
   std::size_t usable() const;
   bool knows_offsets() const;
@@ -215,6 +215,7 @@ private:
   void restart(const TaxelFlags& where);
   void start_over();
   void forget_touch();
+  void forget_contacts();
   void forget_blocks();
 
   // What a block shows (force_estimator_block.cpp).
@@ -235,7 +236,7 @@ private:
   void observe_noise(const Block& block);
   void admit_walk(double known);
   void observe_steady_force();
-  void observe_lone_drift();
+  void observe_lone_drift(const Block& block);
   void admit_step(const LoneDrift::Drift& found);
 
   // A step of the filter (force_estimator_update.cpp).
@@ -342,7 +343,7 @@ private:
   std::vector<double> noise_variance_;      ///< Variance of a reading [N2].
   std::vector<double> leaked_;              ///< Force less signal at the end of the last block [N].
   std::vector<double> mean_;                ///< Mean force of the last block [N].
-  std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N].
+  std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N]; NaN: none.
   std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
   std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
   std::vector<double> left_force_;          ///< Force that left unseen, as the film had to recover from it then [N],

@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// Contradictions in the estimated force: negative forces, and forces known only as a lower bound.
+/// Forces known only as a lower bound, after an interruption.
 #pragma once
 
 #include <algorithm>

@@ -53,10 +53,10 @@ public:
 
   /// Process a block: the taxels of each contact, mean forces [N], the same with the charge of bending, which moves as
   /// the forces do: as the bending becomes known, it would hide that they move [N]; by how much the signals rose in the
-  /// last `kStillBlocks`, whatever was corrected since [N]; touched taxels, the variances of the forces [N2], and the
-  /// standard deviation of a mean [N]. The taxels of released contacts are marked; returns whether there are any.
+  /// last `kStillBlocks`, whatever was corrected since [N]; touched taxels, the variances of the forces [N2], and those
+  /// of the noise of a mean [N2]. The taxels of released contacts are marked; returns whether there are any.
   bool update(const Vector<const Taxels*>& contacts, const double* mean, const double* course, const double* rise,
-              const bool* touched, const double* variance, double noise, bool* released);
+              const bool* touched, const double* variance, const double* noise, bool* released);
 
   /// Whether nothing touches a taxel that was touched, and is in no contact: its force has hardly changed in the last
   /// blocks, against the standard deviation of a mean [N] and its recent peak, or the `mean` of the block that comes
@@ -72,7 +72,7 @@ private:
   bool has_just_come(const Taxels& contact, double total, const double* rise) const;
 
   bool looks_released(const Taxels& contact, const double* mean, const double* course, const double* variance,
-                      double noise) const;
+                      const double* noise) const;
 
   std::vector<double> peak_;                ///< Recent peak force of each taxel [N].
   std::vector<double> object_;              ///< Recent peak of the total force of the contact that it was in [N].

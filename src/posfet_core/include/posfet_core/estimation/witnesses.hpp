@@ -66,11 +66,13 @@ public:
   /// Call a witness of a belief, if the last one is old enough and no passage has begun.
   void call(const Belief& belief);
 
-  /// Call `visit` with a block for each passage since a witness was called, for which `block` is the place: none of its
-  /// taxels touched, and with equal parts of their process noise. At least one passage has been since.
+  /// Call `visit` with a block for each passage since a witness was called, and for what has passed since the last of
+  /// them, for which `block` is the place: none of its taxels touched, and with equal parts of their process noise. At
+  /// least one passage has been since.
   template <class Visit>
   void replay(const Witness& witness, Block& block, const Visit& visit) const {
-    const auto count = static_cast<double>(passages_.size() - witness.first);
+    const bool begun = begun_.span > 0.0;
+    const auto count = static_cast<double>(passages_.size() - witness.first + (begun ? 1 : 0));
     for (std::size_t index = 0; index < noise_.size(); ++index) {
       block.own_noise[index] = (noise_[index] - witness.noise[index]) / count;
     }
@@ -79,6 +81,10 @@ public:
     }
     for (std::size_t index = witness.first; index < passages_.size(); ++index) {
       static_cast<Passage&>(block) = passages_[index];
+      visit(block);
+    }
+    if (begun) {
+      static_cast<Passage&>(block) = begun_;
       visit(block);
     }
   }
