@@ -253,6 +253,14 @@ def test_the_saturation_of_nothing_is_not() -> None:
     assert [getattr(known, name) for name in names] == [getattr(priors, name) for name in names]
 
 
+def test_a_deviation_of_the_warmth_that_was_raised_in_the_file_counts_whatever_the_level_is() -> None:
+    wide = {"warmth_deviation": 0.1, "warmth_force": 0.012, "warmth_steepness": 4.0}
+    known = ErrorPriors().with_calibration(calibration(warmth=0.02, **wide))
+    assert known.warmth == pytest.approx(0.1, rel=1e-2)
+    assert (known.warmth_force, known.warmth_steepness, known.warmth_certain) == (0.012, 4.0, 1.0)
+    assert ErrorPriors().with_calibration(calibration(warmth=0.0, **wide)).warmth == 0.1
+
+
 def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> None:
     priors = ErrorPriors()
     known = priors.with_calibration(

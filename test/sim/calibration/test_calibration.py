@@ -234,7 +234,7 @@ def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: P
     document = yaml.safe_load(path.read_text())
     for key in (
         "relaxation_poles", "relaxation", "warmth", "temperature_sensor_lag_s", "common_gain_deviation_percent",
-        "common_leak_deviation_percent", "leak_temperature", "temperature_reading_deviation_mK",
+        "leak_temperature", "temperature_reading_deviation_mK",
         "temperature_sensor_dead_time_s",
     ):  # fmt: skip
         del document[key]

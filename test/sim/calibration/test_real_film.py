@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from posfet_model.calibration.bench_signals import runs
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.fit_checks import FitError
+from posfet_model.calibration.fit_steps import MIN_TEMPERATURE_RANGE
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
@@ -28,6 +30,7 @@ from posfet_model.calibration.taxel_calibration import (
     NOMINAL_WARMTH_TIME_CONSTANT,
     Calibration,
 )
+from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.report import report
 from support.film_bench import Alteration, Board, Film, gain_at_once, record, with_slow_charge
@@ -108,10 +111,11 @@ def test_the_poles_predict_a_held_force(fitted: Fits) -> None:
 def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(name: str, fitted: Fits) -> None:
     found = fitted[name][1]
     assert abs(found.warmth - FILMS[name].warmth) < found.warmth_deviation
-    assert found.warmth_deviation < 0.5 * NOMINAL_WARMTH_DEVIATION
+    assert found.warmth_deviation < NOMINAL_WARMTH_DEVIATION
 
 
-@pytest.mark.parametrize("name", [pytest.param("a fast object", marks=pytest.mark.slow), "a slow object", "all"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
 def test_the_time_constant_of_that_rise_is_found(name: str, fitted: Fits) -> None:
     assert fitted[name][1].warmth_time_constant == pytest.approx(FILMS[name].warmth_time, rel=0.15)
 
@@ -200,10 +204,51 @@ def test_the_report_names_the_bending(fitted: Fits) -> None:
     assert "not in the file" in report(SENSOR, replace(found, bending=np.zeros(0), bending_deviation=np.zeros(0)))
 
 
+@pytest.mark.parametrize(
+    ("times", "reason"),
+    [
+        ([0.1, 1.0, 10.0, 100.0], r"must be a whole number in \[0, 3\]"),
+        ([0.1, 10.0, 1.0], "must be in ascending order"),
+    ],
+)
+def test_poles_that_the_model_does_not_have_are_refused(
+    times: list[float], reason: str, fitted: Fits, tmp_path: Path
+) -> None:
+    none = np.zeros(len(times))
+    found = replace(
+        fitted["bending"][1],
+        relaxation_time_constants=np.array(times), relaxation_sizes=none, relaxation_deviations=none,
+    )  # fmt: skip
+    save_calibration(tmp_path / "cal.yaml", SENSOR, found)
+    with pytest.raises(ConfigError, match=reason):
+        load_calibration(tmp_path / "cal.yaml", SENSOR)
+
+
 def test_a_file_without_bending_is_read(fitted: Fits, tmp_path: Path) -> None:
     none = replace(fitted["bending"][1], bending=np.zeros(0), bending_deviation=np.zeros(0))
     save_calibration(tmp_path / "cal.yaml", SENSOR, none)
     assert load_calibration(tmp_path / "cal.yaml", SENSOR).bending.size == 0
+
+
+def test_a_film_without_a_pyroelectric_signal_is_calibrated_while_its_temperature_changes() -> None:
+    sensor = replace(SENSOR, device=replace(SENSOR.device, pyroelectric_coefficient=0.0))
+    board = record(sensor, Film(), long_hold=False)
+    assert np.ptp(board.recording.temperature) > MIN_TEMPERATURE_RANGE
+    found = fit(sensor, board.recording, DATE)
+    np.testing.assert_allclose(found.gain, board.gain, rtol=0.01)
+    assert (found.pyroelectric_gain == 1.0).all()
+
+
+def test_a_taxel_that_is_pressed_in_the_long_hold_alone_is_named() -> None:
+    recording = record(SENSOR, Film()).recording
+    begin, end = max(runs(recording.force[:, SENSOR.layout.taxels // 2] > 0.1), key=lambda run: run[1] - run[0])
+    force = recording.force.copy()
+    force[:, 7] = 0.0
+    force[begin:end, 7] = 0.3
+    with pytest.raises(
+        ValueError, match=r"^taxel 7 must be pressed before the long hold, or well after it, but was not$"
+    ):
+        fit(SENSOR, replace(recording, force=force), DATE)
 
 
 def test_a_bending_that_no_chip_has_is_refused() -> None:
@@ -273,12 +318,12 @@ def test_a_leakage_far_from_the_sensor_file_is_refused() -> None:
 
 
 def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path) -> None:
-    found = fitted["all"][1]
+    found = fitted["bending"][1]
     save_calibration(tmp_path / "cal.yaml", SENSOR, found)
     again = load_calibration(tmp_path / "cal.yaml", SENSOR)
     for name in (
         "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
-        "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
+        "common_gain_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
         "temperature_reading_deviation", "temperature_sensor_dead_time",
         "warmth_time_constant", "warmth_force", "warmth_steepness", "bending", "bending_deviation",
         "bending_profile",
@@ -290,7 +335,7 @@ def test_poles_and_deviations_survive_a_round_trip(fitted: Fits, tmp_path: Path)
 
 
 def test_a_file_with_the_share_of_a_weak_force_is_read(fitted: Fits, tmp_path: Path) -> None:
-    path, found = tmp_path / "cal.yaml", fitted["all"][1]
+    path, found = tmp_path / "cal.yaml", fitted["bending"][1]
     for share, force in ((0.0, 0.05), (50.0, 0.0158), (100.0, 0.005)):
         save_calibration(path, SENSOR, found)
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -23,6 +23,7 @@ from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
     CALIBRATED_LEAK_DEVIATION,
+    POLES,
     Calibration,
     Residuals,
 )
@@ -32,9 +33,6 @@ from posfet_model.sensor.description import Sensor
 VERSION: Final = 2
 """Version of the file format that is written. Version 1 is read, too: it has neither deviations nor relaxation, and the
 assumed values of `taxel_calibration` are used."""
-
-MAX_POLES: Final = 8
-"""Largest number of relaxation poles in a file."""
 
 DIGITS: Final = 6
 """Significant digits of the numbers in a file."""
@@ -86,7 +84,6 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "offset_mV": _rounded(calibration.offset * 1e3),
         },
         "common_gain_deviation_percent": _number(calibration.common_gain_deviation * 100),
-        "common_leak_deviation_percent": _number(calibration.common_leak_deviation * 100),
         "crosstalk_percent": _number(calibration.crosstalk * 100),
         "relaxation_poles": len(calibration.relaxation_sizes),
         "relaxation": {
@@ -269,13 +266,13 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
     """Return the calibration with what version 2 of the format added."""
     count = len(calibration.gain)
     relaxation, warmth = top.section("relaxation"), top.section("warmth")
-    listed = top.whole("relaxation_poles", 0, MAX_POLES)
+    top.number("common_leak_deviation_percent", 0.0, 100.0, default=0.0)  # of older files: not used
+    listed = top.whole("relaxation_poles", 0, POLES)
     calibration = replace(
         calibration,
         gain_deviation=np.array(taxels.numbers("gain_deviation_percent", count, 0.0, 100.0)) / 100,
         leak_deviation=np.array(taxels.numbers("leak_deviation_percent", count, 0.0, 100.0)) / 100,
         common_gain_deviation=top.number("common_gain_deviation_percent", 0.0, 100.0) / 100,
-        common_leak_deviation=top.number("common_leak_deviation_percent", 0.0, 100.0) / 100,
         relaxation_time_constants=np.array(relaxation.numbers("time_constants_s", listed, 1e-3, 1e6)),
         relaxation_sizes=np.array(relaxation.numbers("sizes_percent", listed, -100.0, 100.0)) / 100,
         relaxation_deviations=np.array(relaxation.numbers("deviations_percent", listed, 0.0, 100.0)) / 100,
@@ -287,6 +284,8 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         temperature_reading_deviation=top.number("temperature_reading_deviation_mK", 0.0, 1e6, default=0.0) * 1e-3,
         temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
     )
+    if np.any(np.diff(calibration.relaxation_time_constants) <= 0.0):
+        raise relaxation.error("time_constants_s", "must be in ascending order")
     if "time_constant_s" in warmth:
         calibration = replace(calibration, warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4))
     if "weak_share_percent" in warmth:  # of a force of 5 mN; the rest saturated at 50 mN

@@ -35,15 +35,12 @@ from posfet_model.calibration.response_fit import (
     fit_responses,
     least_of_parabola,
 )
-from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_FORCE, NOMINAL_WARMTH_TIME_CONSTANT
+from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_FORCE, NOMINAL_WARMTH_TIME_CONSTANT, POLES
 from posfet_model.calibration.temperature_fit import TemperatureFit, fit_temperature
 from posfet_model.sensor.signal_chain import charge_per_newton
 
 MIN_TEMPERATURE_RANGE: Final = 0.5
 """The temperature has to vary by at least this much for the pyroelectric gain to be fitted [K]."""
-
-POLES: Final = 3
-"""Number of relaxation poles: a spread of time constants over three decades is one pole per decade."""
 
 LEAK_IN_DECADE: Final = math.log10(2.7)
 """Where the leakage time constant is between the time constants of two poles, in decades after the faster one [1]: a
@@ -153,7 +150,7 @@ class FitSteps:
         Returns
         -------
         ResponseFit
-            The fit; sizes of the poles are 0.
+            The fit, without poles; where presses are warm, those before the warmth have the size 0.
         """
         bench = self.bench
         segments = []
@@ -237,8 +234,16 @@ class FitSteps:
         self.common = np.concatenate([[0.0], np.cumsum(changes)])
 
     def fit_temperature(self) -> TemperatureFit | None:
-        """Fit lag and pyroelectric gain, None if the temperature varies too little; the common mode loses its drift."""
+        """Fit lag and pyroelectric gain; the common mode loses its drift.
+
+        Returns
+        -------
+        TemperatureFit or None
+            The fit; None if the temperature varies too little, or the film has no pyroelectric signal.
+        """
         bench = self.bench
+        if bench.sensor.device.pyroelectric_coefficient == 0.0:
+            return None
         time, common = block_means(bench.time, bench.size), block_means(self.common, bench.size)
         used = ~bench.during_hold(time)
         if np.ptp(bench.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
@@ -305,6 +310,7 @@ class FitSteps:
         """
         if self.bench.hold is None:
             return
+        self.warmth_time, self.warmth_force = NOMINAL_WARMTH_TIME_CONSTANT, NOMINAL_WARMTH_FORCE
         self.warmth_steepness = 1.0
         nominal = self.fit_all(before)
         if abs(float(nominal.common[POLES])) < WARMTH_UNCERTAINTY[0]:

@@ -55,14 +55,14 @@ from posfet_model.calibration.fit_checks import (
     check_warmth,
     leakage_deviation,
 )
-from posfet_model.calibration.fit_steps import POLES, WARMTH_UNCERTAINTY, FitSteps
+from posfet_model.calibration.fit_steps import WARMTH_UNCERTAINTY, FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
 from posfet_model.calibration.response_fit import ResponseFit
 from posfet_model.calibration.stuck_bits import find_stuck_bits
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
-    CALIBRATED_COMMON_LEAK_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
+    POLES,
     Calibration,
 )
 from posfet_model.calibration.temperature_fit import TemperatureFit
@@ -115,6 +115,9 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     """
     _check(sensor, recording)
     bench = BenchSignals(sensor, recording)
+    for taxel in range(bench.taxels):
+        if not bench.intervals(taxel, with_hold=False):
+            raise ValueError(f"taxel {taxel} must be pressed before the long hold, or well after it, but was not")
     steps = FitSteps(bench)
     stuck = find_stuck_bits(recording.counts)
     found = _fit_presses(steps, stuck)
@@ -205,7 +208,6 @@ def _calibration(
         leak_deviation=leak_deviation,
         crosstalk=bench.crosstalk,
         common_gain_deviation=math.hypot(CALIBRATED_COMMON_GAIN_DEVIATION, 0.5 * float(weights @ atypical)),
-        common_leak_deviation=CALIBRATED_COMMON_LEAK_DEVIATION,
         thermal_time_constant=film_lag,
         date=date,
         residuals=hold_out_error(steps, found),

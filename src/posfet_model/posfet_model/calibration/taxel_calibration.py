@@ -27,7 +27,7 @@ NOMINAL_COMMON_GAIN_DEVIATION: Final = 0.08
 """Relative standard deviation of the gains that all taxels have in common, uncalibrated [1], assumed: film."""
 
 NOMINAL_LEAK_DEVIATION: Final = 0.1
-"""Relative standard deviation of leakage time constants, each taxel's own and in common, uncalibrated [1], assumed."""
+"""Relative standard deviation of each taxel's own leakage time constant, uncalibrated [1], assumed."""
 
 CALIBRATED_GAIN_DEVIATION: Final = 0.02
 """Relative standard deviation of each taxel's own gain after a calibration that does not state it [1], assumed."""
@@ -39,15 +39,11 @@ CALIBRATED_LEAK_DEVIATION: Final = 0.02
 """Relative standard deviation of each taxel's own leakage time constant after a calibration that does not state it [1],
 assumed."""
 
-CALIBRATED_COMMON_LEAK_DEVIATION: Final = 0.07
-"""The same of what the leakage time constants have in common: ageing and temperature since the calibration [1],
-assumed."""
-
 NOMINAL_LEAK_PER_KELVIN_DEVIATION: Final = 0.03
 """Standard deviation of the increase of leak rates per temperature that was not measured [1/K], assumed: they double
 within 15 K on some boards, and hardly change on others."""
 
-NOMINAL_WARMTH_DEVIATION: Final = 0.03
+NOMINAL_WARMTH_DEVIATION: Final = 0.015
 """Standard deviation of the temperature rise of a touched taxel that was not measured [K], assumed: a thick chip."""
 
 NOMINAL_WARMTH_FORCE: Final = 0.05
@@ -58,6 +54,9 @@ NOMINAL_WARMTH_TIME_CONSTANT: Final = 0.5
 
 NOMINAL_BENDING_DEVIATION: Final = (3e-3, 1.5e-3, 1.5e-3, 1.5e-3)
 """Standard deviations of the bending of the chip, uncalibrated, as in `Calibration.bending` [1], assumed."""
+
+POLES: Final = 3
+"""Number of relaxation poles: a spread of time constants over three decades is one pole per decade."""
 
 UNCALIBRATED_ERROR: Final = 0.1
 """Error of the total force without a calibration [1]: docs/accuracy.md, ablation, 9 % of a press and of a hold, rounded
@@ -107,8 +106,6 @@ class Calibration:
     common_gain_deviation: float = CALIBRATED_COMMON_GAIN_DEVIATION
     """Relative standard deviation of the gains that all taxels have in common [1]: by ageing and temperature, and, on a
     film with hysteresis, that of the gains of other forces than typical ones."""
-    common_leak_deviation: float = CALIBRATED_COMMON_LEAK_DEVIATION
-    """Relative standard deviation of the leakage time constants that all taxels have in common [1]."""
     leak_per_kelvin: float = 0.0
     """Increase of the leak rates per temperature above `temperature`, of their logarithm [1/K]."""
     leak_per_kelvin_deviation: float = NOMINAL_LEAK_PER_KELVIN_DEVIATION
@@ -183,7 +180,6 @@ class Calibration:
             leak_deviation=np.full(taxels, NOMINAL_LEAK_DEVIATION),
             crosstalk=0.0,
             common_gain_deviation=NOMINAL_COMMON_GAIN_DEVIATION,
-            common_leak_deviation=NOMINAL_LEAK_DEVIATION,
         )
 
     @property

@@ -19,8 +19,10 @@ from typing import Any, Final
 
 from posfet_model.calibration.taxel_calibration import (
     NOMINAL_BENDING_DEVIATION,
+    NOMINAL_WARMTH_DEVIATION,
     NOMINAL_WARMTH_FORCE,
     NOMINAL_WARMTH_TIME_CONSTANT,
+    POLES,
     Calibration,
 )
 
@@ -67,7 +69,7 @@ class Shared(IntEnum):
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
-CREEPS: Final = 3
+CREEPS: Final = POLES
 """Number of slow responses of the film."""
 
 LOOPS: Final = 3
@@ -95,7 +97,8 @@ class ErrorPriors:
     slow_rate: float = 0.0
     """Rate below which that share falls with the square root of the rate [K/s]: a slow drift goes on."""
     slow_rate_calibrated: float = 3.0
-    """The same with calibration [K/s]: where the sensors' lag is known, they would show it."""
+    """The same with calibration [K/s]: where the sensors' lag is known, they would show it. Above 0, readings may tell
+    a press from a film that cools."""
     touch_rate: float = 0.01
     """Rate that an object on the chip causes beyond what is expected, per total force [K/s/N]."""
     touch_rate_calibrated: float = 0.015
@@ -107,7 +110,7 @@ class ErrorPriors:
     chip_warming: tuple[float, ...] = (0.0, 0.0, 0.0)
     """by how much, expected, per total force [K/N]."""
     fastest: float = 3.0
-    """Greatest change of that rate between two readings [K/s]."""
+    """Greatest change of the chip's rate between two readings [K/s]."""
     lag: float = 0.4
     """Time constant of the sensors' lag [s]."""
     lag_least: float = 0.02
@@ -153,7 +156,7 @@ class ErrorPriors:
     """Change of that force from block to block, as a share of the neighbours' force [1]."""
     warmth_mean: float = 0.0
     """Warmth of a touched taxel, expected [K], and"""
-    warmth: float = 0.015
+    warmth: float = NOMINAL_WARMTH_DEVIATION
     """its standard deviation [K]."""
     warmth_least: float = 3e-3
     """Difference between the warmth of one taxel and that of the others [K], and"""
@@ -226,11 +229,11 @@ class ErrorPriors:
             spread = math.hypot(self.lag_spread_calibrated, self.lag_resolution / lag)
             found |= {"lag": lag, "lag_spread": spread, "slow_rate": self.slow_rate_calibrated}
             found["dead_share"] = min(calibration.temperature_sensor_dead_time / lag, 1.0)
+        found |= {"warmth_mean": calibration.warmth, "warmth": calibration.warmth_deviation}
         if calibration.warmth_observed:
-            deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
-            found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
+            found["warmth"] = math.hypot(calibration.warmth_deviation, self.warmth_least)
             found |= {"warmth_time": calibration.warmth_time_constant, "warmth_contact": self.warmth_contact_calibrated}
-            if abs(calibration.warmth) > calibration.warmth_deviation:  # what saturates is more than nothing
+            if abs(calibration.warmth) > self.warmth_least:  # what saturates is more than nothing
                 found |= {"warmth_force": calibration.warmth_force, "warmth_certain": 1.0}
                 found |= {"warmth_steepness": calibration.warmth_steepness}
                 found |= {"warmth_force_spread": self.warmth_force_spread_calibrated}
