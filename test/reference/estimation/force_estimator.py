@@ -1261,6 +1261,8 @@ class ForceEstimator:
             self._follow_unheated(block)
         shared = self._unheated.belief.shared
         self._expected_film, self._expected_rate = shared[[Shared.FILM, Shared.RATE]].tolist()
+        newest = self._blocks[-1]  # the change in it is added when it is judged
+        self._expected_film -= (self._expected_rate + newest.warming) * newest.duration
 
     def _follow_unheated(self, block: Block) -> None:
         """Follow the belief without the hypothesis, and what the touch leaves that there is without it."""

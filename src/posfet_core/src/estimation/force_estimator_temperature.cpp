@@ -198,8 +198,10 @@ void ForceEstimator::open_hypothesis() {
   for (std::size_t index = 0; index < blocks_.size(); ++index) {
     follow_unheated(blocks_[index]);
   }
-  expected_film_ = unheated_.belief()->shared[kFilm];
+  // The change in the newest block is added when that is judged.
+  const Block& newest = blocks_.newest();
   expected_rate_ = unheated_.belief()->shared[kRate];
+  expected_film_ = unheated_.belief()->shared[kFilm] - (expected_rate_ + newest.warming) * newest.duration;
 }
 
 /// Follow the belief without the hypothesis, and what the touch leaves that there is without it.
