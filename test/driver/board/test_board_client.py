@@ -29,6 +29,7 @@ from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import PacedClock, SteppedClock
 from support.fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_fd, with_layout
+from support.long_cases import crossed, long_cases
 from support.stepped import SteppedBus
 
 
@@ -237,9 +238,13 @@ def test_a_delayed_reader_loses_no_scans(sensor: Sensor) -> None:
     assert board.restarted == 0
 
 
-@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-@pytest.mark.parametrize("held_up", ["host", "adapter"])
-@pytest.mark.parametrize("length", [0.1, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize(
+    ("length", "held_up", "fd"),
+    long_cases(
+        crossed([0.1, 0.6, 1.0], ["host", "adapter"], {"fd": True, "classic": False}),
+        ["0.1-host-fd", "0.1-adapter-classic", "1.0-host-classic", "1.0-adapter-fd"],
+    ),
+)
 def test_a_pause_without_frame_loss_loses_no_scans(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
     """At any time, also while frames are held until their sequence is certain; afterwards in limited batches."""
     for first in (3, 17, 40, 41, 57):

@@ -24,6 +24,7 @@ from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
 from support.fault_injector import FaultInjector, InjectedFault
+from support.long_cases import crossed, long_cases
 from support.paths import DOCS
 from support.stepped import SteppedBus
 
@@ -33,8 +34,9 @@ SENSORS = {
     False: with_layout(load_sensor(), 5, 5, scan_rate=RATE),
 }
 """Three FD blocks, five classic ones."""
-BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-FIRST = pytest.mark.parametrize("fd", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["fd", "classic"])
+FRAMES = {"fd": True, "classic": False}
+BOTH = pytest.mark.parametrize("fd", FRAMES.values(), ids=FRAMES.keys())
+FIRST = pytest.mark.parametrize("fd", long_cases(FRAMES, ["fd"]))
 """Of what takes long, the same with classic frames is in the slow run."""
 SECOND = 1_000_000_000
 CADENCE = 1_000_000
@@ -74,6 +76,15 @@ ALONE = {
     InjectedFault.RESET,
 }
 """Injected faults for which nothing else is reported."""
+WITH_CLASSIC = (
+    InjectedFault.LOST,
+    InjectedFault.INCOMPLETE,
+    InjectedFault.REORDERED,
+    InjectedFault.FROZEN_COUNTER,
+    InjectedFault.UNREADABLE,
+    InjectedFault.RESET,
+)
+"""Those that classic frames, which have fewer bits for the counter, show otherwise than FD frames."""
 
 
 class Bench:
@@ -127,8 +138,13 @@ class Bench:
         self.health = worst(faults, report.health)
 
 
-@BOTH
-@pytest.mark.parametrize("injected", EXPECTED, ids=lambda injected: injected.name)
+@pytest.mark.parametrize(
+    ("injected", "fd"),
+    long_cases(
+        crossed({injected.name: injected for injected in EXPECTED}, FRAMES),
+        [*(f"{injected.name}-fd" for injected in EXPECTED), *(f"{injected.name}-classic" for injected in WITH_CLASSIC)],
+    ),
+)
 def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: bool) -> None:
     bench = Bench(fd)
     assert bench.run(3) > 2.9 * RATE
@@ -164,15 +180,23 @@ def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: 
 @FIRST
 @pytest.mark.parametrize(
     "injected",
-    [
-        InjectedFault.CABLE_UNPLUGGED,
-        InjectedFault.BOARD_UNPLUGGED,
-        InjectedFault.UNREADABLE,
-        InjectedFault.UNACKNOWLEDGED,
-        InjectedFault.BUS_OFF,
-        InjectedFault.RESET,
-        InjectedFault.FROZEN_COUNTER,
-    ],
+    long_cases(
+        [
+            InjectedFault.CABLE_UNPLUGGED,
+            InjectedFault.BOARD_UNPLUGGED,
+            InjectedFault.UNREADABLE,
+            InjectedFault.UNACKNOWLEDGED,
+            InjectedFault.BUS_OFF,
+            InjectedFault.RESET,
+            InjectedFault.FROZEN_COUNTER,
+        ],
+        [
+            InjectedFault.CABLE_UNPLUGGED,
+            InjectedFault.BOARD_UNPLUGGED,
+            InjectedFault.BUS_OFF,
+            InjectedFault.FROZEN_COUNTER,
+        ],
+    ),
     ids=lambda injected: injected.name,
 )
 def test_data_flows_within_half_a_second_after_the_bus_returns(injected: InjectedFault, fd: bool) -> None:

@@ -32,12 +32,14 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
+from support.long_cases import crossed, long_cases
 from support.stepped import SteppedBus
 
 SENSOR = load_sensor()
 BASE = SENSOR.can.base_id
 MILLISECOND = 1_000_000
-BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+FRAMES = {"fd": True, "classic": False}
+BOTH = pytest.mark.parametrize("fd", FRAMES.values(), ids=FRAMES.keys())
 
 
 class SlowLink:
@@ -116,9 +118,8 @@ class Bench:
         return scans
 
 
-@BOTH
-@pytest.mark.parametrize("delay", [0.25, pytest.param(1.0, marks=pytest.mark.slow), 2.0])
-def test_a_board_behind_a_link_of_any_delay_is_received(fd: bool, delay: float) -> None:
+@pytest.mark.parametrize(("delay", "fd"), long_cases(crossed([0.25, 1.0, 2.0], FRAMES), ["0.25-classic", "2.0-fd"]))
+def test_a_board_behind_a_link_of_any_delay_is_received(delay: float, fd: bool) -> None:
     bench = Bench(fd)
     bench.link.delay = round(delay * 1e9)
     bench.run(4 * delay + 1.0)
@@ -173,9 +174,14 @@ def test_a_command_that_was_given_up_is_never_sent() -> None:
     assert bench.link.board.running
 
 
-@BOTH
-@pytest.mark.parametrize("value", [0, 1, 999, 10_000_000, 0xFFFF_FFFF])
-def test_another_rate_in_a_response_than_was_set_is_refused_in_one_line(fd: bool, value: int) -> None:
+@pytest.mark.parametrize(
+    ("value", "fd"),
+    long_cases(
+        crossed([0, 1, 999, 10_000_000, 0xFFFF_FFFF], FRAMES),
+        ["0-classic", "999-fd", "10000000-classic", "4294967295-fd"],
+    ),
+)
+def test_another_rate_in_a_response_than_was_set_is_refused_in_one_line(value: int, fd: bool) -> None:
     bench = Bench(fd)
     bench.link.change = {Command.SET_RATE: value}
     bench.run(3.0)
@@ -187,9 +193,10 @@ def test_another_rate_in_a_response_than_was_set_is_refused_in_one_line(fd: bool
     assert bench.run(1.0) == 1000
 
 
-@BOTH
-@pytest.mark.parametrize("value", [1, 999, 10_000_000])
-def test_a_rate_that_only_a_response_states_is_never_set(fd: bool, value: int) -> None:
+@pytest.mark.parametrize(
+    ("value", "fd"), long_cases(crossed([1, 999, 10_000_000], FRAMES), ["1-classic", "10000000-fd"])
+)
+def test_a_rate_that_only_a_response_states_is_never_set(value: int, fd: bool) -> None:
     """Else a board that could not keep it would refuse each start from then on."""
     bench = Bench(fd)
     bench.run(1.0)
@@ -204,10 +211,12 @@ def test_a_rate_that_only_a_response_states_is_never_set(fd: bool, value: int) -
     assert bench.run(1.0) == 1000
 
 
-@BOTH
-@pytest.mark.parametrize("value", [0, 10_000_001, 0xFFFF_FFFF])
+@pytest.mark.parametrize(
+    ("value", "fd"),
+    long_cases(crossed([0, 10_000_001, 0xFFFF_FFFF], FRAMES), ["0-classic", "10000001-fd", "4294967295-classic"]),
+)
 def test_a_rate_that_the_protocol_does_not_have_is_not_confirmed_by_a_board_that_repeats_it(
-    fd: bool, value: int
+    value: int, fd: bool
 ) -> None:
     """Else each start from then on would set it."""
     bench = Bench(fd)
@@ -281,9 +290,11 @@ def test_a_rate_that_a_user_has_set_is_given_up_when_the_next_board_refuses_it()
     assert bench.board.report().state == "receiving scans"
 
 
-@BOTH
-@pytest.mark.parametrize("value", [0, 1 << 20, 0xFFFF_FFFF])
-def test_the_sequence_in_a_response_is_not_believed(fd: bool, value: int) -> None:
+@pytest.mark.parametrize(
+    ("value", "fd"),
+    long_cases(crossed([0, 1 << 20, 0xFFFF_FFFF], FRAMES), ["0-classic", "1048576-fd", "4294967295-classic"]),
+)
+def test_the_sequence_in_a_response_is_not_believed(value: int, fd: bool) -> None:
     bench = Bench(fd)
     bench.link.change = {Command.START: value, Command.STOP: value}
     assert bench.run(2.0) > 1900
@@ -355,9 +366,10 @@ def test_silence_is_noticed_though_the_board_has_stated_a_period_that_its_scans_
         assert bench.clock.now < silent + 1000 * MILLISECOND
 
 
-@BOTH
-@pytest.mark.parametrize("delay", [1, 100, 1000])
-def test_a_late_response_to_the_stop_before_closing_does_not_stop_a_board_opened_again(fd: bool, delay: int) -> None:
+@pytest.mark.parametrize(
+    ("delay", "fd"), long_cases(crossed([1, 100, 1000], FRAMES), ["1-classic", "100-fd", "1000-classic"])
+)
+def test_a_late_response_to_the_stop_before_closing_does_not_stop_a_board_opened_again(delay: int, fd: bool) -> None:
     """As when a data thread is restarted: the response arrives when the next socket is open already."""
     bench = Bench(fd)
     bench.link.delay = delay * MILLISECOND
@@ -383,11 +395,8 @@ def test_a_command_is_repeated_as_soon_whatever_period_the_board_states_meanwhil
     assert len(bench.link.commands) >= 4  # IDENTIFY, every 0.2 s
 
 
-@BOTH
-@pytest.mark.parametrize(
-    "delay", [0.3, pytest.param(0.9, marks=pytest.mark.slow), pytest.param(1.5, marks=pytest.mark.slow), 2.5]
-)
-def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(fd: bool, delay: float) -> None:
+@pytest.mark.parametrize(("delay", "fd"), long_cases(crossed([0.3, 0.9, 1.5, 2.5], FRAMES), ["0.3-classic", "2.5-fd"]))
+def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(delay: float, fd: bool) -> None:
     """Reopening drops what is under way, so it comes ever less often."""
     bench = Bench(fd)
     bench.link.delay = round(delay * 1e9)

@@ -18,15 +18,16 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.fake_board import FakeBoard
 from support.fault_injector import FaultInjector, InjectedFault
+from support.long_cases import crossed, long_cases
 from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, fuzz_board, scans_under_faults
 from support.soak import FAULTS, RENAMED, TARGET_RECOVERY, UNPLUGGED, WRONG_BITRATE, Soak, main
 
-BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+FRAMES = {"fd": True, "classic": False}
+BOTH = pytest.mark.parametrize("fd", FRAMES.values(), ids=FRAMES.keys())
 
 
-@BOTH
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_sent_scan_is_published_or_counted_as_lost(fd: bool, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "fd"), long_cases(crossed([1, 2], FRAMES), ["1-classic", "2-fd"]))
+def test_every_sent_scan_is_published_or_counted_as_lost(seed: int, fd: bool) -> None:
     account = scans_under_faults(8000, fd, seed)
     assert account["published"] > 2000
     assert account["incomplete"] > 0 or fd

@@ -23,6 +23,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.conforming import failed, findings_of, not_applicable, unchecked
 from support.fake_board import FakeBoard, with_layout
+from support.long_cases import long_cases
 from support.paths import DOCS
 from support.protocol_board import Choices, ProtocolBoard
 from support.wrong_boards import CLASSIC_BOARDS, FD_BOARDS, POWER_ON_BOARDS, LeavesScansOut, with_bits
@@ -63,7 +64,7 @@ def test_findings_name_their_place_in_the_document() -> None:
         assert f'<a id="{anchor}">' in text or anchor in headings
 
 
-SEEDS = range(12)
+SEEDS = long_cases(range(12), range(4))
 
 
 def any_board(numbers: random.Random) -> Board:

@@ -42,12 +42,14 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.fake_board import FakeBoard, assert_marked, make_scan, with_fd
+from support.long_cases import crossed, long_cases
 
 SENSOR = load_sensor()
 BASE = SENSOR.can.base_id
 PERIOD = round(1e9 / SENSOR.can.scan_rate)
 WALL_OFFSET = 1_700_000_000_000_000_000
-BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+FRAMES = {"fd": True, "classic": False}
+BOTH = pytest.mark.parametrize("fd", FRAMES.values(), ids=FRAMES.keys())
 KINDS = st.sampled_from([CLASSIC, EXTENDED, REMOTE, ERROR, FD, FD | RATE_SWITCH, FD | EXTENDED])
 NEAR_IDENTIFIERS = st.integers(BASE - 2, BASE + 14)
 ANY_FRAME = st.tuples(
@@ -144,9 +146,8 @@ def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
     return out
 
 
-@BOTH
-@pytest.mark.parametrize("seed", range(3))
-def test_published_and_lost_scans_add_up_under_every_kind_of_fault(fd: bool, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "fd"), long_cases(crossed(range(3), FRAMES), ["0-classic", "1-fd"]))
+def test_published_and_lost_scans_add_up_under_every_kind_of_fault(seed: int, fd: bool) -> None:
     """Single faults, bursts of any length, and a delayed host: every published scan was sent, others are counted."""
     noise = random.Random(seed)
     firmware, decoder = started(fd)
@@ -207,10 +208,17 @@ def test_garbage_uses_bounded_memory(fd: bool) -> None:
     assert after - before < 4096
 
 
-@BOTH
-@pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 100])
-@pytest.mark.parametrize("pieces", [1, 2, 5])
-def test_a_delayed_sender_loses_no_scans(fd: bool, pause: int, pieces: int) -> None:
+@pytest.mark.parametrize(
+    ("pieces", "pause", "fd"),
+    long_cases(
+        crossed([1, 2, 5], [5, 12, 16, 17, 40, 100], FRAMES),
+        [
+            *(f"{pieces}-{pause}-classic" for pieces, pause in ((1, 5), (2, 16), (5, 17), (2, 100), (5, 100))),
+            *(f"{pieces}-{pause}-fd" for pieces, pause in ((1, 100), (2, 5), (5, 40))),
+        ],
+    ),
+)
+def test_a_delayed_sender_loses_no_scans(pieces: int, pause: int, fd: bool) -> None:
     """Delayed frames arrive at once, but are read in batches that end within scans; the sequence stays right."""
     firmware, decoder = started(fd)
     noise = random.Random(pause)
