@@ -24,6 +24,7 @@ from posfet_model.amplifier.differential_pair import (
     pair_transconductance,
 )
 from posfet_model.amplifier.pair_settling import settle, settle_series
+from support.long_cases import crossed, long_cases
 from support.sweep import (
     EPS,
     ErrorMap,
@@ -230,8 +231,13 @@ def test_the_square_contributes_no_more_than_stated() -> None:
     assert LARGEST_PRODUCT - 0.001 < product.max() < LARGEST_PRODUCT
 
 
-@pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5)])
-@pytest.mark.parametrize("scale", [1e-6, 0.5, 20.0])
+@pytest.mark.parametrize(
+    ("scale", "lead"),
+    long_cases(
+        crossed([1e-6, 0.5, 20.0], {"lead0": Lead(), "lead1": Lead(0.07, 0.17), "lead2": Lead(1.0, -0.5)}),
+        ["1e-06-lead0", "0.5-lead1", "20.0-lead2"],
+    ),
+)
 def test_a_series_equals_its_single_steps(scale: float, lead: Lead) -> None:
     generator = np.random.default_rng(6)
     change = scale * generator.normal(size=2000)

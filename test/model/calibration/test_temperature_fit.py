@@ -17,6 +17,7 @@ import pytest
 from posfet_model._lib.types import Array
 from posfet_model.calibration.leaky_response import block_means, low_pass
 from posfet_model.calibration.temperature_fit import TemperatureFit, fit_temperature
+from support.long_cases import crossed, long_cases
 
 STEP = 1e-3
 BLOCK = 20
@@ -55,8 +56,10 @@ def fitted(per_kelvin: float, sensor_lag: float, left: float = 0.0) -> Temperatu
     return fit_temperature(time, reading, common, time > BEGIN - 1.0, FILM_LAG, 0.0, TAU)
 
 
-@pytest.mark.parametrize("sensor_lag", [0.002, 0.1, 1.0])
-@pytest.mark.parametrize("per_kelvin", [0.0, math.log(2.0) / 15.0, math.log(2.0) / 10.0])
+@pytest.mark.parametrize("sensor_lag", long_cases([0.002, 0.1, 1.0], [0.002, 1.0]))
+@pytest.mark.parametrize(
+    "per_kelvin", long_cases([0.0, math.log(2.0) / 15.0, math.log(2.0) / 10.0], [0.0, math.log(2.0) / 10.0])
+)
 def test_leakage_that_depends_on_the_temperature_is_found(per_kelvin: float, sensor_lag: float) -> None:
     found = fitted(per_kelvin, sensor_lag)
     assert found.leak_per_kelvin == pytest.approx(per_kelvin, abs=2e-3)
@@ -65,7 +68,9 @@ def test_leakage_that_depends_on_the_temperature_is_found(per_kelvin: float, sen
     assert found.lag == pytest.approx(FILM_LAG - sensor_lag, abs=0.01)
 
 
-@pytest.mark.parametrize(("sensor_lag", "dead"), [(0.0, 1.0), (0.5, 0.5), (0.0, 0.2), (1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("sensor_lag", "dead"), long_cases([(0.0, 1.0), (0.5, 0.5), (0.0, 0.2), (1.0, 0.0)], [(0.5, 0.5), (0.0, 0.2)])
+)
 def test_a_dead_time_of_the_sensors_is_told_from_a_lag(sensor_lag: float, dead: float) -> None:
     # Sensors that are wholly dead for a second differed from those with a lag by 68 mK, and were refused.
     time, reading, common = signals(0.0, sensor_lag, dead=dead)
@@ -75,8 +80,9 @@ def test_a_dead_time_of_the_sensors_is_told_from_a_lag(sensor_lag: float, dead: 
     assert float(np.std(found.residuals)) < 4e-3
 
 
-@pytest.mark.parametrize("step", [0.0, 1.0 / 16.0])
-@pytest.mark.parametrize("noise", [2e-3, 20e-3])
+@pytest.mark.parametrize(
+    ("noise", "step"), long_cases(crossed([2e-3, 20e-3], [0.0, 1.0 / 16.0]), ["0.02-0.0", "0.002-0.0625"])
+)
 def test_noise_and_rounding_of_the_readings_are_found(noise: float, step: float) -> None:
     # Ten readings a second, interpolated. Assumed to be right within 3.5 mK, others made forces where nothing was.
     time, chip, common = signals(0.0, 0.1)

@@ -198,7 +198,7 @@ def play(story: Story) -> None:
         before = player.force.copy()
 
 
-@examples(40, 150)
+@examples(20, 150)
 def test_contacts_on_small_arrays_equal_those_of_the_reference(count: int) -> None:
     each_of(count, stories(8), play)
 

@@ -112,7 +112,7 @@ CASES = st.tuples(
 """Number of taxels, seed, share of faulty ones."""
 
 
-@examples(20, 100)
+@examples(8, 100)
 def test_every_scan_is_as_by_the_reference(count: int) -> None:
     each_of(count, CASES, lambda case: compare(*case))
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from itertools import product
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from posfet_model.reconstruction.taxel_faults import TaxelStatus
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
+from support.long_cases import crossed, long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -61,8 +61,13 @@ def run(taxel: int, rest: int, convert: Code) -> tuple[list[Reconstruction], lis
     return results, statuses, totals
 
 
-@pytest.mark.parametrize("value", [0, 1])
-@pytest.mark.parametrize(("taxel", "rest"), [*product((UNDER, AWAY), (0, 64, 200))])
+@pytest.mark.parametrize(
+    ("taxel", "rest", "value"),
+    long_cases(
+        crossed({str(UNDER): UNDER, str(AWAY): AWAY}, (0, 64, 200), (0, 1)),
+        [f"{UNDER}-0-1", f"{UNDER}-200-0", f"{AWAY}-0-0", f"{AWAY}-64-1"],
+    ),
+)
 def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel: int, rest: int, value: int) -> None:
     results, statuses, totals = run(taxel, rest, stuck_bit(7, value))
     assert not any(result.contacts for result in results[:1000])
@@ -80,8 +85,13 @@ def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel
     assert len(after) >= 400
 
 
-@pytest.mark.parametrize("convert", [stuck_bit(1, 0), stuck_bit(1, 1), missing])
-@pytest.mark.parametrize("taxel", [UNDER, AWAY])
+@pytest.mark.parametrize(
+    ("taxel", "convert"),
+    long_cases(
+        crossed([UNDER, AWAY], {"<lambda>0": stuck_bit(1, 0), "<lambda>1": stuck_bit(1, 1), "missing": missing}),
+        [f"{UNDER}-<lambda>0", f"{AWAY}-<lambda>1", f"{UNDER}-missing"],
+    ),
+)
 def test_a_stuck_bit_1_or_a_missing_code_has_no_effect(taxel: int, convert: Code) -> None:
     results, statuses, _ = run(taxel, 0, convert)
     assert not any(statuses)

@@ -24,6 +24,7 @@ from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstruc
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from reference.dense_pressure import sphere_forces
+from support.long_cases import crossed, long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -124,8 +125,13 @@ def undisturbed(force: float) -> dict[int, Any]:
     return {index: forces for index, _, forces, _ in play(force, lambda index, scan: None)[0]}
 
 
-@pytest.mark.parametrize("force", [0.0, 1.5])
-@pytest.mark.parametrize("name", list(FAULTS))
+@pytest.mark.parametrize(
+    ("name", "force"),
+    long_cases(
+        crossed(FAULTS.keys(), [0.0, 1.5]),
+        [*(f"{name}-1.5" for name in FAULTS), *(f"{name}-0.0" for name in ("200 lost", "random ends", "clock behind"))],
+    ),
+)
 def test_a_fault_is_flagged_and_has_no_effect_after_50_ms(name: str, force: float) -> None:
     flagged, edit = FAULTS[name]
     frames, _ = play(force, edit)

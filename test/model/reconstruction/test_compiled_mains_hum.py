@@ -104,7 +104,7 @@ def play(story: Story, blocks: int) -> int:
     return present
 
 
-@examples(20, 100)
+@examples(8, 100)
 def test_hum_of_small_arrays_is_estimated_as_by_the_reference(count: int) -> None:
     each_of(count, stories(64), lambda story: play(story, 150))
 

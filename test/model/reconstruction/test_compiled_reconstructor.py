@@ -26,6 +26,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain, volts_per_count
 from reference import reconstructor as reference
 from support.example_counts import each_of, examples
+from support.long_cases import long_cases
 
 SENSOR = load_sensor()
 START = 1_700_000_000_000_000_000
@@ -197,7 +198,7 @@ def play(story: Story, scans: int) -> Reconstructor:
     return both.compiled
 
 
-@examples(10, 40)
+@examples(6, 40)
 def test_small_arrays_are_reconstructed_as_by_the_reference(count: int) -> None:
     each_of(count, stories(8), lambda story: play(story, 500))
 
@@ -213,7 +214,7 @@ def test_extreme_arrays_are_reconstructed_as_by_the_reference(rows: int, cols: i
     play(Story(sensor, 3, 0.6, 0.02, 50.0, 0.02, 0.2, True), 60 if rows > 16 else 300)
 
 
-@pytest.mark.parametrize("fault", FAULTS[1:])
+@pytest.mark.parametrize("fault", long_cases(FAULTS[1:], ["noisy", "saturated"]))
 def test_the_stories_bring_faults_contacts_and_hum(fault: str) -> None:
     story = Story(SENSOR, 14, 1.5, 0.0, 50.0, 0.0, 0.0, False)
     source, both = Source(story), Both(story)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -162,7 +162,7 @@ def play(story: Story, blocks: int) -> set[int]:
     return found
 
 
-@examples(30, 150)
+@examples(12, 150)
 def test_small_arrays_are_tested_as_by_the_reference(count: int) -> None:
     each_of(count, stories(8), lambda story: play(story, 60))
 
@@ -184,6 +184,7 @@ def test_the_stories_bring_every_fault() -> None:
     assert found == {TaxelStatus.OK, TaxelStatus.DEAD, TaxelStatus.STUCK, TaxelStatus.NOISY}
 
 
+@settings(max_examples=40)
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1), st.sampled_from([1.0, 0.2]))
 def test_telegraph_noise_is_found_as_by_the_reference(rows: int, cols: int, seed: int, spread: float) -> None:
     """Levels on some taxels, with steps that are near to what is tolerated, touches on all, unsound taxels."""

@@ -33,6 +33,7 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import load_scene
 from reference.dense_pressure import sphere_forces
+from support.long_cases import long_cases
 from support.scan_player import START, press, scans
 
 SENSOR = load_sensor()
@@ -402,7 +403,10 @@ def test_scans_lost_during_slide_and_release_do_not_corrupt_the_force(gap: range
 
 @pytest.mark.parametrize(
     ("gap", "end"),
-    [(range(2000, 3500), 9.0), (range(2400, 3300), 9.0), (range(4500, 5580), 17.0), (range(6250, 9250), 17.0)],
+    long_cases(
+        [(range(2000, 3500), 9.0), (range(2400, 3300), 9.0), (range(4500, 5580), 17.0), (range(6250, 9250), 17.0)],
+        [(range(2000, 3500), 9.0), (range(6250, 9250), 17.0)],
+    ),
 )
 def test_forces_are_valid_again_after_an_interruption_though_touches_go_on(gap: range, end: float) -> None:
     """Presses of the scene begin every 4 s, with rests of 1.2 s. What leaked unseen of them is no hot film for ever."""
@@ -441,7 +445,7 @@ def test_the_contact_uncertainty_covers_the_force_error_of_wrong_leakage() -> No
     assert np.mean(inside) > 0.95
 
 
-@pytest.mark.parametrize("start", [0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65])
+@pytest.mark.parametrize("start", long_cases([0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65], [0.1, 0.6, 2.65]))
 def test_a_start_during_a_touch_is_invalid_until_the_baseline_is_reliable(start: float) -> None:
     reconstructor, begun = Reconstructor(SENSOR), round(1000 * start)
     valid_from, worst = 0, 0.0

@@ -26,6 +26,7 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
+from support.long_cases import crossed, long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -80,7 +81,7 @@ def run(
     return results, statuses
 
 
-@pytest.mark.parametrize(("taxel", "seed"), [(6, 1), (5, 2), pytest.param(6, 3, marks=pytest.mark.slow), (0, 4)])
+@pytest.mark.parametrize(("taxel", "seed"), long_cases([(6, 1), (5, 2), (6, 3), (0, 4)], [(6, 1), (0, 4)]))
 def test_telegraph_noise_is_found_and_the_next_touch_is_one_contact_of_its_own(taxel: int, seed: int) -> None:
     """In the middle, at an edge and in a corner."""
     results, statuses = run(Telegraph(taxel, 3e-3, seed), 8.5, TOUCH)
@@ -134,16 +135,22 @@ def test_telegraph_noise_outlasts_a_touch_that_varies() -> None:
         assert abs(contact.region.force - force(0.001 * index)) < 3.0 * math.sqrt(contact.region.force_variance)
 
 
+PLACES = {
+    "place0": (0.0, 0.0),
+    "place1": (3e-3, 0.0),
+    "place2": (3.7e-3, 3.7e-3),
+    "place3": (-1.5e-3, 0.0),
+    "place4": (3.6e-3, 0.3e-3),
+    "place5": (3e-3, -3e-3),
+}
+"""Of a tip [m]."""
+
+
 @pytest.mark.parametrize(
-    "place",
-    [
-        *((0.0, 0.0), (3e-3, 0.0), (3.7e-3, 3.7e-3)),
-        *(pytest.param(place, marks=pytest.mark.slow) for place in ((-1.5e-3, 0.0), (3.6e-3, 0.3e-3), (3e-3, -3e-3))),
-    ],
+    ("slow_leak", "place"), long_cases(crossed([False, True], PLACES), ["False-place1", "True-place0"])
 )
-@pytest.mark.parametrize("slow_leak", [False, True])
 def test_the_sharpest_tip_on_one_taxel_is_neither_alone_nor_telegraph_noise(
-    place: tuple[float, float], slow_leak: bool
+    slow_leak: bool, place: tuple[float, float]
 ) -> None:
     """Also at the rim of the array, pressed for long and tapped at random; with a leak so slow that levels are flat."""
     sensor = replace(SENSOR, device=replace(SENSOR.device, leak_time_constant=5.0)) if slow_leak else SENSOR
