@@ -33,6 +33,7 @@ from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.scene import SceneLoads
+from support.calibrations import with_rate
 
 SENSOR = load_sensor()
 ROUGH = replace(
@@ -52,7 +53,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
     scene = pressing_scene(SENSOR, long_hold=False)
-    node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
+    sensor = with_rate(SENSOR)
+    node = BusBoard(SimulatedBoard(sensor, SceneLoads(scene, sensor), SEED, ROUGH), SEED, 0)
     with can.Logger(str(log)) as write:
         node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)
         while (now := node.next_due()) < scene.period * 1e9:

@@ -52,7 +52,7 @@ DEVICE = perturbed(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """A recording of the board with seed 4 while each taxel is pressed."""
-    return record(SENSOR, 4, ROUGH, DEVICE)
+    return record(SENSOR, 4, ROUGH, with_rate(DEVICE))
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,7 @@ def test_an_insufficient_recording_is_rejected(recording: Recording) -> None:
         fit(
             SENSOR,
             Recording(
-                *(array[:500] for array in (recording.time, recording.counts, recording.temperature, recording.force))
+                *(array[:125] for array in (recording.time, recording.counts, recording.temperature, recording.force))
             ),
             DATE,
         )

@@ -21,6 +21,7 @@ from posfet_model.sensor.signal_chain import ForwardSignalChain, charge_per_newt
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import OVERTEMPERATURE, SimulatedBoard
 from posfet_sim.scene import SCENE_FOLDER, Keyframes, Scene, SceneLoads, load_scene
+from support.long_cases import long_cases
 
 SENSOR = load_sensor()
 QUIET = replace(SENSOR, adc=replace(SENSOR.adc, noise=0.0))
@@ -30,6 +31,13 @@ SCENES = (
     "texture", "two_fingers", "two_fingers_slide", "vibration", "warm_finger",
 )  # fmt: skip
 """Shipped scenes of every kind of path and load; the others differ in what the forces are, which is tested on them."""
+DIFFERENT = pytest.mark.parametrize(
+    "name",
+    long_cases(
+        SCENES, ["flat_pad_fast", "grasp_lift_slip", "press_slide_lift", "two_fingers", "vibration", "warm_finger"]
+    ),
+)
+"""In the ordinary run those that differ most: an edge, a cylinder, a slide, two objects, a sine, a temperature."""
 TAXELS = SENSOR.layout.taxels
 RATE = SENSOR.can.scan_rate
 FULL_SCALE = SENSOR.device.force_max * charge_per_newton(SENSOR)  # [C/m2]
@@ -66,7 +74,7 @@ def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
     )
 
 
-@pytest.mark.parametrize("name", SCENES)
+@DIFFERENT
 @pytest.mark.parametrize("warm", [False, True])
 def test_skipping_scans_gives_the_same_state_as_stepping(name: str, warm: bool) -> None:
     scene = load_scene(name, QUIET)
@@ -98,7 +106,7 @@ def test_a_gap_longer_than_the_charge_memory_discards_the_history() -> None:
     assert stepped.in_contact
 
 
-@pytest.mark.parametrize("name", SCENES)
+@DIFFERENT
 @pytest.mark.parametrize("sensor", [QUIET, FORGETFUL], ids=["slow leak", "fast leak"])
 def test_skipped_computation_does_not_change_the_result(name: str, sensor: Sensor) -> None:
     scene = load_scene(name, sensor)
@@ -111,7 +119,7 @@ def test_skipped_computation_does_not_change_the_result(name: str, sensor: Senso
         assert np.abs(board.charge() - chain.charge).max() <= SAME
 
 
-@pytest.mark.parametrize("name", SCENES)
+@DIFFERENT
 def test_skipped_computation_does_not_change_the_result_with_the_error_model(name: str) -> None:
     imperfections = replace(ErrorModel.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
     scene = load_scene(name, SENSOR)
@@ -130,7 +138,7 @@ def test_skipped_computation_does_not_change_the_result_with_the_error_model(nam
         assert lazy.taxel_updates <= 1024 * TAXELS, "every taxel changes in every scan; scans are computed ahead"
 
 
-@pytest.mark.parametrize("name", SCENES)
+@DIFFERENT
 def test_the_error_against_full_computation_at_100_khz_is_below_one_thousandth(name: str) -> None:
     # 40 ms from the first change; benchmarks/simulation/runs.py covers whole scenes.
     scene = load_scene(name, QUIET)

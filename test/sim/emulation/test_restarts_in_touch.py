@@ -24,6 +24,7 @@ from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.scene import SceneLoads, load_scene
 from support.clocks import EPOCH, SteppedClock
 from support.fake_board import with_fd
+from support.long_cases import crossed, long_cases
 from support.stepped import SteppedBus
 from support.touch_scene import TOUCH
 
@@ -93,9 +94,12 @@ class Stack:
             self.model = Reconstructor(self.sensor)
 
 
-@pytest.mark.parametrize("imperfections", ["default", "none"])
-@pytest.mark.parametrize("fd", [True, False], ids=["FD", "classic"])
-@pytest.mark.parametrize("loops", [10, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("loops", "fd", "imperfections"),
+    long_cases(
+        crossed([10, 200], {"FD": True, "classic": False}, ["default", "none"]), ["10-FD-none", "10-classic-default"]
+    ),
+)
 def test_no_phantom_contact_follows_a_restart_behind_a_bus(
     tmp_path: Path, loops: int, fd: bool, imperfections: str
 ) -> None:

@@ -25,6 +25,7 @@ from posfet_model.ros.model_node import ModelNode
 from posfet_msgs.srv import LoadScene
 from posfet_sim.ros.sim_board_node import SimBoardNode
 from support.clocks import EPOCH, SteppedClock
+from support.long_cases import crossed, long_cases
 from support.touch_scene import TOUCH
 
 pytestmark = pytest.mark.ros
@@ -105,9 +106,13 @@ class Stack:
             self.clock.now += round(pause * 1e9)
 
 
-@pytest.mark.parametrize("can_fd", ["true", "false"], ids=["FD", "classic"])
-@pytest.mark.parametrize("imperfections", ["default", "none"])
-@pytest.mark.parametrize("loops", [10, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("loops", "imperfections", "can_fd"),
+    long_cases(
+        crossed([10, 200], ["default", "none"], {"FD": "true", "classic": "false"}),
+        ["10-default-FD", "10-none-classic"],
+    ),
+)
 def test_no_phantom_contact_follows_an_interruption(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, loops: int, imperfections: str, can_fd: str
 ) -> None:
