@@ -28,14 +28,14 @@ from benchmarks.fronts.interleaved import interleaved
 from benchmarks.fronts.pipeline import theory
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.spice import ngspice
+from support.long_cases import long_cases
 from support.made_up_fronts import FAST, GOOD
 from support.made_up_fronts import choice as _choice
 from support.made_up_fronts import front as _front
 
 SHORT = Effort(2, True)
 QUICK = ("charge", "inverse", "crosstalk", "tracking", "mechanics", "hysteresis", "labelling", "messages")
-LONG = ("mechanics", "hysteresis", "messages")
-"""Stages whose short version takes a fraction of a second; `theory` covers the pipeline."""
+"""Stages whose short version takes seconds at most; `theory` covers the pipeline."""
 
 
 @pytest.mark.parametrize("value", [-0.1, 2.1, math.nan, math.inf])
@@ -110,7 +110,7 @@ def test_peers_and_stack_answer_what_theory_says_on_an_ideal_board() -> None:
     assert all(check.passed for check in theory()), [str(check) for check in theory()]
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in QUICK])
+@pytest.mark.parametrize("name", long_cases(QUICK, ["charge", "inverse", "crosstalk", "tracking", "labelling"]))
 def test_the_short_version_of_a_stage_passes_its_checks(name: str) -> None:
     for front in command.verified(name, SHORT):
         assert front.title in page.section(front)

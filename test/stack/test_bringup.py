@@ -32,6 +32,7 @@ from posfet.graph import emulated_adapter
 from posfet_msgs.msg import TactileContacts
 from support.bringup_process import bringup, finish, needs_installation, running
 from support.expectations import TIMEOUT, Listener, expect_info, expect_stack
+from support.long_cases import long_cases
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
@@ -44,16 +45,10 @@ VARIANTS = {
     "separate, simulated board": ["source:=sim", "composed:=false"],
     "separate, emulated adapter": ["source:=emulator", "composed:=false"],
 }
-LONG = ("composed, virtual bus", "separate, simulated board")
-"""Whose parts the others start, too."""
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [
-        pytest.param(arguments, id=name, marks=pytest.mark.slow if name in LONG else ())
-        for name, arguments in VARIANTS.items()
-    ],
+    "arguments", long_cases(VARIANTS, ["composed, simulated board", "composed, emulated adapter, CAN FD"])
 )
 def test_the_stack_reports_the_contacts_of_the_scene(arguments: Sequence[str]) -> None:
     with running("imperfections:=none", *arguments) as process, Listener() as listener:
@@ -77,7 +72,7 @@ def test_classic_can_frames_give_contacts() -> None:
     assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre-of-pressure error", output), output
 
 
-@pytest.mark.parametrize("source", ["sim", "emulator"])
+@pytest.mark.parametrize("source", long_cases(["sim", "emulator"], ["emulator"]))
 def test_a_non_ideal_board_is_read(source: str) -> None:
     output = run_until_touched(f"source:={source}")
     summary = re.search(r"posfet: .*, \d+ frames lost, .* contacts?, .* error ([\d.]+) mm \(median\)", output)
@@ -92,7 +87,7 @@ def test_two_sensors_run_side_by_side() -> None:
                 expect_info(listener)
 
 
-@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize("composed", long_cases(["true", "false"], ["false"]))
 def test_a_limited_run_ends_with_a_summary(composed: str) -> None:
     result = bringup("--for", "10", f"composed:={composed}")
     assert result.returncode == 0, result.stderr
@@ -152,8 +147,17 @@ BAD_INPUT = {
 }
 
 
-@pytest.mark.parametrize("composed", ["true", "false"])
-@pytest.mark.parametrize(("arguments", "expected"), BAD_INPUT.values(), ids=BAD_INPUT.keys())
+NOT_BEFORE = ("no such interface", "no such parameter file")
+"""Bad input that is found by what differs between one process and several."""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected", "composed"),
+    long_cases(
+        {f"{name}-{composed}": (*case, composed) for composed in ("true", "false") for name, case in BAD_INPUT.items()},
+        [*(f"{name}-true" for name in BAD_INPUT), *(f"{name}-false" for name in NOT_BEFORE)],
+    ),
+)
 def test_invalid_input_ends_with_one_line(arguments: list[str], expected: str, composed: str) -> None:
     result = bringup("--for", "20", f"composed:={composed}", *arguments)
     assert result.returncode == 1, result.stdout

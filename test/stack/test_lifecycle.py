@@ -27,6 +27,7 @@ from posfet_msgs.msg import TactileContacts, TactileInfo
 from support.bringup_process import needs_installation, running
 from support.expectations import Listener
 from support.launched import launched, launching, wait_until_ended
+from support.long_cases import long_cases
 from support.paths import EXAMPLES
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
@@ -41,7 +42,7 @@ def change(listener: Listener, node: str, transition: int, repeat: bool = False)
     return listener.call(ChangeState, f"{node}/change_state", request, repeat).success
 
 
-@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize("composed", long_cases(["true", "false"], ["false"]))
 def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str) -> None:
     words = ["autostart:=false", "frame_id:=finger", f"composed:={composed}", "namespace:=steps"]
     nodes = ("model_node", "sim_board_node")

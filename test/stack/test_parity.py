@@ -19,6 +19,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from support.bringup_process import needs_installation, running
 from support.expectations import Listener
+from support.long_cases import long_cases
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
@@ -64,10 +65,13 @@ def describe(listener: Listener, nodes: set[str]) -> tuple[dict[str, list[str]],
 
 @pytest.mark.parametrize(
     ("source", "nodes"),
-    [
-        ("sim", {"/tactile/model_node", "/tactile/sim_board_node"}),
-        ("emulator", {"/tactile/model_node", "/tactile/sim_board_node", "/tactile/driver_node"}),
-    ],
+    long_cases(
+        {
+            "sim-nodes0": ("sim", {"/tactile/model_node", "/tactile/sim_board_node"}),
+            "emulator-nodes1": ("emulator", {"/tactile/model_node", "/tactile/sim_board_node", "/tactile/driver_node"}),
+        },
+        ["emulator-nodes1"],
+    ),
 )
 def test_both_graphs_are_identical(source: str, nodes: set[str]) -> None:
     described = []

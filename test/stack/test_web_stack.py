@@ -23,6 +23,7 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from support.bringup_process import finish, needs_installation, running
 from support.expectations import TIMEOUT
+from support.long_cases import long_cases
 from support.page_stream import first_frame, link_in
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
@@ -43,7 +44,7 @@ def act(port: int, token: str, action: str, argument: object) -> tuple[int, str]
     return response.status, response.read().decode()
 
 
-@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize("composed", long_cases(["true", "false"], ["true"]))
 def test_a_stack_is_served_with_its_services(composed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)  # where recordings go

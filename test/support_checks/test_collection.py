@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from support.long_cases import long_cases
+
 TESTS = Path(__file__).resolve().parents[1]
 
 PLUGIN = """
@@ -27,7 +29,10 @@ def pytest_pycollect_makemodule(module_path):
 """What launch_testing does with each module."""
 
 
-@pytest.mark.parametrize("first", ["import pytest; pytest.importorskip('absent', reason='absent')", "import absent"])
+SKIPPED = "import pytest; pytest.importorskip('absent', reason='absent')"
+
+
+@pytest.mark.parametrize("first", long_cases([SKIPPED, "import absent"], [SKIPPED]))
 def test_a_module_that_is_not_imported_takes_no_other_with_it(tmp_path: Path, first: str) -> None:
     (tmp_path / "conftest.py").symlink_to(TESTS / "conftest.py")
     (tmp_path / "importing.py").write_text(PLUGIN, encoding="utf-8")
@@ -68,7 +73,11 @@ def test_last():
 
 @pytest.mark.ros
 @pytest.mark.parametrize(
-    ("end", "result"), [("pass", "2 passed in"), ("kept.append(made); return", "2 passed, 1 error")]
+    ("end", "result"),
+    long_cases(
+        [("pass", "2 passed in"), ("kept.append(made); return", "2 passed, 1 error")],
+        [("kept.append(made); return", "2 passed, 1 error")],
+    ),
 )
 def test_a_module_that_keeps_a_node_fails_after_its_fixtures_have_ended(tmp_path: Path, end: str, result: str) -> None:
     pytest.importorskip("rclpy", reason="needs ROS 2")
