@@ -46,6 +46,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.error_states import Shared
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
+from support.long_cases import long_cases
 
 SENSOR = load_sensor()
 STEP = 1e-3
@@ -381,7 +382,7 @@ def test_what_is_least_significant_of_a_contact_with_the_whole_array_is_not_rele
         assert min(verdict.taxels, verdict.total) >= 90.0, verdict
 
 
-@pytest.mark.parametrize("row", ["none", "warmth_300mK"])
+@pytest.mark.parametrize("row", long_cases(["none", "warmth_300mK"], ["warmth_300mK"]))
 def test_the_clock_of_a_stand_is_found_whether_its_ball_is_warm_or_not(row: str) -> None:
     # Warmth that comes in after a force made the force look as if it came 0.75 ms earlier.
     _, delay = recorded(Board(SENSOR, rows()[row].effects, 1), "gauss")
@@ -616,7 +617,12 @@ def test_the_stand_presses_every_taxel() -> None:
     assert not load.force[:2000].any()
 
 
-@pytest.mark.parametrize("law", [law for law in LAWS if law != "film"])
+@pytest.mark.parametrize(
+    "law",
+    long_cases(
+        [law for law in LAWS if law != "film"], ["loops_closed", "conduction", "sensors_two_stages", "telegraph_rare"]
+    ),
+)
 def test_another_law_makes_other_signals_of_the_same_size(law: str) -> None:
     effects = replace(rows()["moderate"].effects, lost=0.0, telegraph=20e-3, drift=0.03, sensor_lag=1.0)
     scene = scenes()["tap"]

@@ -32,6 +32,7 @@ from reference.contacts.footprint import Footprints
 from reference.contacts.moments import MomentFinder
 from reference.contacts.separation import Separator
 from reference.dense_pressure import sphere_forces
+from support.long_cases import long_cases
 
 SENSOR = load_sensor()
 LAYOUT = SENSOR.layout
@@ -184,14 +185,17 @@ CALIBRATED = replace(
 
 @pytest.mark.parametrize(
     ("device", "seed"),
-    [
-        ({}, 1),
-        ({"spread": 20.0}, 5),
-        pytest.param({"leak": 20.0}, 3, marks=pytest.mark.slow),
-        pytest.param({}, 2, marks=pytest.mark.slow),
-        pytest.param({"d33": -10.0}, 4, marks=pytest.mark.slow),
-        pytest.param({"spread": -20.0}, 6, marks=pytest.mark.slow),
-    ],
+    long_cases(
+        [
+            ({}, 1),
+            ({"spread": 20.0}, 5),
+            ({"leak": 20.0}, 3),
+            ({}, 2),
+            ({"d33": -10.0}, 4),
+            ({"spread": -20.0}, 6),
+        ],
+        [({"spread": 20.0}, 5)],
+    ),
 )
 def test_two_fingers_that_slide_side_by_side_keep_their_track_ids(device: dict[str, float], seed: int) -> None:
     other = perturbed(SENSOR, device)

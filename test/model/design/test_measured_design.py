@@ -31,6 +31,7 @@ from posfet_model.device.taxel_fields import FilmGeometry
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import stimuli
+from support.long_cases import long_cases
 from support.spice_data import recorded
 from support.sweep import assert_refused
 
@@ -93,12 +94,15 @@ def measured_text(circuit: str, *more: str) -> str:
 
 @pytest.mark.parametrize(
     ("nominal", "real", "run"),
-    [
-        ("two_stage", "two_stage_100pf", "down_1000_mv"),
-        ("two_stage", "two_stage_half_cc", "up_1000_mv"),
-        ("one_stage", "one_stage_100pf", "down_1000_mv"),
-        ("one_stage", "one_stage_36db", "up_1000_mv"),
-    ],
+    long_cases(
+        [
+            ("two_stage", "two_stage_100pf", "down_1000_mv"),
+            ("two_stage", "two_stage_half_cc", "up_1000_mv"),
+            ("one_stage", "one_stage_100pf", "down_1000_mv"),
+            ("one_stage", "one_stage_36db", "up_1000_mv"),
+        ],
+        [("two_stage", "two_stage_100pf", "down_1000_mv"), ("one_stage", "one_stage_36db", "up_1000_mv")],
+    ),
 )
 def test_a_file_of_sizes_and_three_figures_slews_as_ngspice_does(
     nominal: str, real: str, run: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -110,10 +114,13 @@ def test_a_file_of_sizes_and_three_figures_slews_as_ngspice_does(
 
 @pytest.mark.parametrize(
     ("nominal", "real", "more"),
-    [
-        ("two_stage", "two_stage_small_rz_30pf", ("bandwidth_hz",)),
-        ("one_stage", "one_stage_60db_1pf", ("slew_v_per_s", "falling_slew_v_per_s")),
-    ],
+    long_cases(
+        [
+            ("two_stage", "two_stage_small_rz_30pf", ("bandwidth_hz",)),
+            ("one_stage", "one_stage_60db_1pf", ("slew_v_per_s", "falling_slew_v_per_s")),
+        ],
+        [("one_stage", "one_stage_60db_1pf", ("slew_v_per_s", "falling_slew_v_per_s"))],
+    ),
 )
 def test_more_figures_make_up_for_a_bias_that_is_not_known(
     nominal: str, real: str, more: tuple[str, ...], tmp_path: Path
@@ -122,7 +129,7 @@ def test_more_figures_make_up_for_a_bias_that_is_not_known(
     assert simulated(sizes + measured_text(real, *more), real, "down_1000_mv", tmp_path) <= 0.05
 
 
-@pytest.mark.parametrize("real", ["two_stage_half_cc", "one_stage_60db_1pf"])
+@pytest.mark.parametrize("real", long_cases(["two_stage_half_cc", "one_stage_60db_1pf"], ["two_stage_half_cc"]))
 def test_with_three_figures_alone_slow_inputs_are_valid_and_no_steps(
     real: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

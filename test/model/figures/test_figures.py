@@ -30,6 +30,7 @@ from matplotlib.text import Text
 from posfet_model.figures import __main__ as command
 from posfet_model.figures.registry import FIGURES
 from posfet_model.figures.style import style
+from support.long_cases import long_cases
 
 STORED = DOCS / "figures"
 
@@ -78,7 +79,11 @@ def test_every_figure_is_stored_and_shown_in_a_document() -> None:
             assert stored.stat().st_size > 5_000, f"python -m posfet_model.figures {name}"
 
 
-@pytest.mark.parametrize("name", FIGURES)
+SIMULATED = ("stability", "fig6_slew", "fig6_follower_sine", "design_film", "errata")
+"""Those that take a second or more for what they show, and show it like others."""
+
+
+@pytest.mark.parametrize("name", long_cases(FIGURES.keys(), [name for name in FIGURES if name not in SIMULATED]))
 def test_a_figure_is_complete_and_legible(name: str) -> None:
     with style():
         figure = FIGURES[name]()

@@ -26,6 +26,7 @@ from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
+from support.long_cases import crossed, long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -111,8 +112,15 @@ def undisturbed() -> float:
     return run(lambda index, scan: None, 1.6, TOUCH, FINGER)[2][-1]
 
 
-@pytest.mark.parametrize("volts", [0.02, 0.05])
-@pytest.mark.parametrize("pattern", [one_taxel, some_taxels, both_signs, all_alike, most_alike])
+@pytest.mark.parametrize(
+    ("pattern", "volts"),
+    long_cases(
+        crossed(
+            {each.__name__: each for each in (one_taxel, some_taxels, both_signs, all_alike, most_alike)}, [0.02, 0.05]
+        ),
+        ["one_taxel-0.05", "some_taxels-0.02", "both_signs-0.02", "all_alike-0.05", "most_alike-0.02"],
+    ),
+)
 def test_bursts_cause_no_contact_and_no_lasting_force(
     volts: float, pattern: Callable[..., NDArray[np.float64]], undisturbed: float
 ) -> None:

@@ -28,6 +28,7 @@ from posfet_sim.device.film_effects import FilmEffects
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import Keyframes, Scene, SceneObject, load_scene
 from reference.dense_pressure import sphere_forces
+from support.long_cases import crossed, long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -88,8 +89,13 @@ def test_a_broad_touch_of_2_newton_has_an_error_of_1_percent(
     assert max(abs(image.total - 2.0) for _, image in last) < 0.02
 
 
-@pytest.mark.parametrize("rise", [0.1, 0.3, 1.0])
-@pytest.mark.parametrize("force", [PAD, RING, CROSS], ids=["pad", "ring", "cross"])
+@pytest.mark.parametrize(
+    ("force", "rise"),
+    long_cases(
+        crossed({"pad": PAD, "ring": RING, "cross": CROSS}, [0.1, 0.3, 1.0]),
+        ["pad-0.1", "ring-0.3", "cross-1.0", "pad-1.0"],
+    ),
+)
 def test_a_broad_touch_is_one_contact_and_valid_with_its_force_within_two_deviations(
     force: NDArray[np.float64], rise: float, calibration: Calibration
 ) -> None:
@@ -124,8 +130,10 @@ def test_the_forces_beside_a_broad_touch_are_not_taken_for_bending() -> None:
     assert max(abs(image.total - 2.0) for _, image in last) < 0.04
 
 
-@pytest.mark.parametrize("rise", [0.1, 0.3, 1.0])
-@pytest.mark.parametrize("force", [PAD, RING], ids=["pad", "ring"])
+@pytest.mark.parametrize(
+    ("force", "rise"),
+    long_cases(crossed({"pad": PAD, "ring": RING}, [0.1, 0.3, 1.0]), ["pad-0.1", "ring-0.3", "pad-1.0"]),
+)
 def test_a_pad_on_a_chip_whose_bending_was_calibrated_reads_no_more_than_it_is(
     force: NDArray[np.float64], rise: float, calibration: Calibration
 ) -> None:

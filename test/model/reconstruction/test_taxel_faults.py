@@ -33,6 +33,7 @@ from posfet_model.sensor.neighbour_estimate import (
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
+from support.long_cases import long_cases
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -142,7 +143,7 @@ def found_at(statuses: list[NDArray[np.uint8]], taxel: int, status: TaxelStatus)
     return [row[taxel] for row in statuses].index(status)
 
 
-@pytest.mark.parametrize("taxel", [12, *(pytest.param(taxel, marks=pytest.mark.slow) for taxel in (13, 7)), 2, 24])
+@pytest.mark.parametrize("taxel", long_cases([12, 13, 7, 2, 24], [12, 24]))
 def test_a_dead_taxel_is_detected_on_first_touch_and_the_contact_continues_without_it(taxel: int) -> None:
     x, y = LAYOUT.positions[taxel] * 0.8
     shape = finger(x, y)
@@ -203,7 +204,7 @@ def test_interpolated_force_is_within_the_stated_uncertainty() -> None:
     assert np.mean(np.abs(errors) < 2 * INTERPOLATION_UNCERTAINTY) >= 0.95
 
 
-@pytest.mark.parametrize("count", [REST, 0x9000, 0, 0xFFFF])
+@pytest.mark.parametrize("count", long_cases([REST, 0x9000, 0, 0xFFFF], [REST, 0xFFFF]))
 def test_a_taxel_stuck_from_the_start_is_detected_and_does_not_delay_the_others(count: int) -> None:
     reconstructor, results, statuses = run(stuck(12, count), 2.5, press(1.5, 2.0, 9.0))
     at = found_at([np.where(row == TaxelStatus.SATURATED, 0, row) for row in statuses], 12, TaxelStatus.STUCK)
@@ -337,7 +338,9 @@ def test_a_coarse_adc_with_constant_counts_is_not_stuck() -> None:
     assert results[3300].contacts
 
 
-@pytest.mark.parametrize(("times", "rate"), [(8.0, 1000.0), (200.0, 1000.0), (20.0, 100.0)])
+@pytest.mark.parametrize(
+    ("times", "rate"), long_cases([(8.0, 1000.0), (200.0, 1000.0), (20.0, 100.0)], [(8.0, 1000.0), (20.0, 100.0)])
+)
 def test_a_noisy_taxel_is_detected_and_recovers(times: float, rate: float) -> None:
     fault = noisy(7, times, round(0.5 * rate), round(2 * rate))
     reconstructor, results, statuses = run(fault, 5.0, rate=rate)
@@ -350,7 +353,7 @@ def test_a_noisy_taxel_is_detected_and_recovers(times: float, rate: float) -> No
     assert reconstructor.faulty == 0
 
 
-@pytest.mark.parametrize("taxel", [12, 11, 8])
+@pytest.mark.parametrize("taxel", long_cases([12, 11, 8], [12]))
 def test_a_noisy_taxel_is_not_listed_but_its_signal_is_used(taxel: int) -> None:
     """With five times the noise a touch is still detected, better than by interpolation from neighbours."""
     _, results, statuses = run(noisy(taxel, 5.0), 1.5, press(1.5, 0.7, 9.0, rise=0.1))

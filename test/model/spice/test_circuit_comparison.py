@@ -30,6 +30,7 @@ from posfet_model.spice.random_designs import Verdict, confusion_table
 from posfet_model.spice.record_file import Record, RecordedRun
 from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import stimuli
+from support.long_cases import long_cases
 from support.spice_data import FOLDER, recorded
 
 needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
@@ -206,7 +207,7 @@ def test_the_circuit_from_sizes_runs_as_ngspice_does(name: str, run: str) -> Non
     assert found.rms_pct <= 0.02
 
 
-@pytest.mark.parametrize("name", ["one_stage_60db_1pf", "two_stage_small_rz_30pf"])
+@pytest.mark.parametrize("name", long_cases(["one_stage_60db_1pf", "two_stage_small_rz_30pf"], ["one_stage_60db_1pf"]))
 def test_measured_figures_and_the_papers_sizes_run_as_ngspice_does(name: str) -> None:
     """Bias and Rz of these circuits are not the paper's; the figures give them."""
     (found,) = compare(CIRCUITS[name], brief(name, "down_1000_mv"), "measured").runs
