@@ -18,6 +18,7 @@ from benchmarks.fronts.front import Check, Choice, Front
 from benchmarks.fronts.palette import PALETTES, Palette
 from posfet_model.figures import style
 from support.colour_vision import DEFICIENCIES, contrast, lab, least_distance, least_grey_distance, linear
+from support.long_cases import long_cases
 
 GREY, COLOUR, TRITAN = 6.0, 25.0, 15.0
 """Least distances in CIELAB: of lightness, of colours, and of colours with tritanopia, which is rare; 2.3 is barely
@@ -39,7 +40,7 @@ def colours_drawn(palette: Palette) -> tuple[str, ...]:
     return tuple(str(line.get_color()) for line in lines if str(line.get_gid()).startswith("series "))
 
 
-@pytest.mark.parametrize("palette", PALETTES)
+@pytest.mark.parametrize("palette", long_cases(PALETTES, PALETTES[:1]))
 def test_series_differ_in_grey_and_with_colour_vision_deficiencies(palette: Palette) -> None:
     colours = colours_drawn(palette)
     assert len(set(colours)) == 7

@@ -27,6 +27,7 @@ from benchmarks.fronts.front import Effort, Front, FrontError
 from benchmarks.fronts.legibility import check_texts
 from benchmarks.fronts.palette import LIGHT, PALETTES, Palette
 from posfet_model.figures import style
+from support.long_cases import long_cases
 from support.made_up_fronts import FAST, GOOD
 from support.made_up_fronts import choice as _choice
 from support.made_up_fronts import front as _front
@@ -75,9 +76,7 @@ def test_a_wrong_line_of_an_exhibit_fails_the_run() -> None:
             page.check_figure(front, figure)
 
 
-@pytest.mark.parametrize(
-    "palette", [PALETTES[0], *(pytest.param(each, marks=pytest.mark.slow) for each in PALETTES[1:])]
-)
+@pytest.mark.parametrize("palette", long_cases(PALETTES, PALETTES[:1]))
 def test_overlapping_covering_and_cut_texts_are_refused(palette: Palette) -> None:
     def figure() -> Figure:
         return chart.draw(_front(FAST, GOOD), palette)

@@ -31,6 +31,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -38,7 +39,7 @@ import numpy as np
 import pytest
 
 from independent.contacts import COVERS, CoverName, cover_of, scenes, sphere
-from independent.film import RELAXATION_TIMES, Board, Effects, gate_voltage, low_pass, play
+from independent.film import RELAXATION_TIMES, Board, Effects, Recording, gate_voltage, low_pass, play
 from independent.judge import Limits, judge, rows, scans
 from independent.other_laws import LAWS
 from independent.stand import CLOCK_DELAY, calibrate, calibration_of, programme, recorded
@@ -617,6 +618,13 @@ def test_the_stand_presses_every_taxel() -> None:
     assert not load.force[:2000].any()
 
 
+@cache
+def tapped(law: str) -> Recording:
+    """Return what a board of a law records of taps."""
+    effects = replace(rows()["moderate"].effects, lost=0.0, telegraph=20e-3, drift=0.03, sensor_lag=1.0)
+    return LAWS[law](SENSOR, effects, BOARD).record(scenes()["tap"].load(SENSOR, "gauss", BOARD), 1)
+
+
 @pytest.mark.parametrize(
     "law",
     long_cases(
@@ -624,10 +632,7 @@ def test_the_stand_presses_every_taxel() -> None:
     ),
 )
 def test_another_law_makes_other_signals_of_the_same_size(law: str) -> None:
-    effects = replace(rows()["moderate"].effects, lost=0.0, telegraph=20e-3, drift=0.03, sensor_lag=1.0)
-    scene = scenes()["tap"]
-    load = scene.load(SENSOR, "gauss", BOARD)
-    ours, others = (LAWS[each](SENSOR, effects, BOARD).record(load, 1) for each in ("film", law))
+    ours, others = tapped("film"), tapped(law)
     differ = ours.counts.astype(float) - others.counts
     differ_read = np.abs(ours.temperatures - others.temperatures).max()
     assert differ.any() or differ_read > 0.0

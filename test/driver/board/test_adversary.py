@@ -23,6 +23,7 @@ from support import adversary
 from support.adversary import FAULTS, SECOND, Adversary, Findings, campaign, describe, main, variants
 from support.adversary_link import BASE, Link, LoggedBoard
 from support.clocks import SteppedClock
+from support.long_cases import crossed, long_cases
 from support.reference_board import COMPILER, make
 
 SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
@@ -47,9 +48,7 @@ def test_the_short_runs_have_the_scans_that_are_stated() -> None:
     assert sum(SHORT.values()) == 31_000
 
 
-@pytest.mark.parametrize(
-    ("name", "scans"), [*SHORT.items(), *(pytest.param(*each, marks=pytest.mark.slow) for each in SCANS.items())]
-)
+@pytest.mark.parametrize(("name", "scans"), long_cases([*SHORT.items(), *SCANS.items()], SHORT.items()))
 def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path, name: str, scans: int) -> None:
     found = campaign(plain_program, name, scans, seed=1)
     assert not found.failures, describe(name, found, 0.0)
@@ -65,8 +64,13 @@ def test_a_run_of_a_single_fault_has_its_memory_measured(plain_program: Path) ->
     assert len(found.memory) == 4
 
 
-@pytest.mark.parametrize("name", ["FD 5x5 1 kHz", "classic 5x5 1 kHz"])
-@pytest.mark.parametrize("counted", [1.0, 0.9])
+@pytest.mark.parametrize(
+    ("counted", "name"),
+    long_cases(
+        crossed([1.0, 0.9], ["FD 5x5 1 kHz", "classic 5x5 1 kHz"]),
+        ["1.0-FD 5x5 1 kHz", "0.9-FD 5x5 1 kHz", "0.9-classic 5x5 1 kHz"],
+    ),
+)
 def test_losses_that_the_driver_does_not_count_are_found(
     plain_program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, counted: float
 ) -> None:
@@ -112,7 +116,7 @@ def test_an_adapter_that_stalls_holds_back_no_frame_longer_than_the_one_that_ove
     assert [frame[2][0] for frame in link.read_frames(0.0)] == [2, 1, *range(3, 11)]
 
 
-@pytest.mark.parametrize(("seed", "scans"), [(1, 2000), pytest.param(2, 7000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "scans"), long_cases([(1, 2000), (2, 7000)], [(1, 2000)]))
 def test_lies_about_period_and_sequence_invent_no_losses_and_delay_no_scan_after_them(
     plain_program: Path, seed: int, scans: int
 ) -> None:
@@ -140,7 +144,7 @@ def test_a_number_that_a_lie_has_frozen_is_that_of_the_lie_also_when_the_scan_th
     assert found.false_numbers > 0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", long_cases([1, 2], [1]))
 def test_a_reset_under_the_same_number_after_a_brown_out_lets_no_sequence_fall_and_no_stamp_leave_its_bound(
     plain_program: Path, tmp_path: Path, seed: int
 ) -> None:

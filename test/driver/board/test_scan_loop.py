@@ -29,6 +29,7 @@ from posfet_model.sensor.description import Sensor
 from reference.protocol import kernel_frames, slcan_lines
 from support.decoder_pair import SENSOR, WALL, Pair, fields, run, seen
 from support.frame_examples import LineStream, to_kernel
+from support.long_cases import crossed, long_cases
 from support.python_sink import LAST, REFUSED, TAKEN, CScan, PythonSink
 
 PATIENCE = 120.0
@@ -170,8 +171,12 @@ class Reads(LoopPair):
             end.close()
 
 
-@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-@pytest.mark.parametrize("pair", [Lines, Reads])
+@pytest.mark.parametrize(
+    ("pair", "fd"),
+    long_cases(
+        crossed({"Lines": Lines, "Reads": Reads}, {"fd": True, "classic": False}), ["Lines-classic", "Reads-fd"]
+    ),
+)
 def test_the_loop_gives_the_scans_messages_and_counters_of_the_frames(pair: type[Lines | Reads], fd: bool) -> None:
     published = handed = refused = 0
     for seed in range(100, 108):

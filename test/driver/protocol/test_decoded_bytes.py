@@ -26,6 +26,7 @@ from posfet_model.sensor.description import Sensor
 from reference.protocol import kernel_frames, slcan_lines
 from support.decoder_pair import BASE, SENSOR, WALL, Pair, run, seen
 from support.frame_examples import LineStream, to_kernel
+from support.long_cases import crossed, long_cases
 
 if TYPE_CHECKING:
     from posfet_core.protocol import Found
@@ -91,8 +92,12 @@ class Reads(BytePair):
         return self.core.decode_kernel_frames(reads, arrival, wall_offset), read
 
 
-@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-@pytest.mark.parametrize("pair", [Lines, Reads])
+@pytest.mark.parametrize(
+    ("pair", "fd"),
+    long_cases(
+        crossed({"Lines": Lines, "Reads": Reads}, {"fd": True, "classic": False}), ["Lines-classic", "Reads-fd"]
+    ),
+)
 def test_bytes_give_the_scans_messages_and_counters_of_their_frames(pair: type[BytePair], fd: bool) -> None:
     published = errors = 0
     for seed in range(100, 112):

@@ -220,7 +220,7 @@ def test_the_stories_bring_faults_contacts_and_hum(fault: str) -> None:
     source, both = Source(story), Both(story)
     source._kinds[SENSOR.layout.taxels // 2] = FAULTS.index(fault)
     touched = faulty = 0
-    for number in range(2500):
+    for number in range(1600):
         both.process(source.next())
         touched += bool(both.plain.path.contacts)
         if number % 20 == 19:

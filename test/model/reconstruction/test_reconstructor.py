@@ -88,7 +88,7 @@ def test_onset_and_release_of_a_fingertip() -> None:
     assert abs(image.total) < 3 * image.total_standard_deviation
 
 
-@pytest.mark.parametrize("newton", [0.5, 2.0])
+@pytest.mark.parametrize("newton", long_cases([0.5, 2.0], [0.5]))
 def test_a_slide_across_the_array_keeps_its_id_and_position(newton: float) -> None:
     reconstructor = Reconstructor(SENSOR)
     chain = ForwardSignalChain(SENSOR, np.random.default_rng(8))
@@ -302,7 +302,7 @@ def test_an_abrupt_temperature_ramp_sampled_at_10_hz_causes_no_contact(rate: flo
     assert contacts == 0
 
 
-@pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", long_cases([5, 6], [5]))
 def test_warming_with_leakage_model_mismatch_causes_no_contact(seed: int) -> None:
     score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, ErrorModel.default()))
     assert score.false_contacts_per_hour == 0.0

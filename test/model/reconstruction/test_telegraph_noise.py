@@ -101,7 +101,7 @@ def test_telegraph_noise_is_found_and_the_next_touch_is_one_contact_of_its_own(t
     assert all(result.valid for result in results[7650:]), "the total force may be uncertain for a while after it"
 
 
-@pytest.mark.parametrize("taxel", [6, 5])
+@pytest.mark.parametrize("taxel", long_cases([6, 5], [5]))
 def test_a_contact_that_one_taxel_feels_alone_ends(taxel: int) -> None:
     """A level that stays looks like a force that grows, until its neighbours contradict it."""
 
