@@ -295,7 +295,7 @@ def test_both_decoders_agree_in_every_field_and_counter(sensors: dict[str, Senso
         assert counted["incomplete_scans"] > 0
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(data=st.data(), name=st.sampled_from(BOARDS))
 def test_both_decoders_agree_on_arbitrary_frames(sensors: dict[str, Sensor], data: st.DataObject, name: str) -> None:
     pair = Pair(sensors[name])

@@ -281,7 +281,7 @@ def test_a_classic_counter_that_is_frozen_yields_no_wrong_sequence(stands: int) 
     assert line.losses.get("frozen_counter", 0) + line.losses.get("late", 0) >= 3
 
 
-@settings(max_examples=300)
+@settings(max_examples=120)
 @given(
     fd=st.booleans(),
     start=st.sampled_from([2, 14, 65_500, (1 << 32) - 20]),

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posfet_model.reconstruction.bursts import BurstDetector
@@ -23,6 +23,7 @@ from reference import bursts
 SENSOR = load_sensor()
 
 
+@settings(max_examples=40)
 @given(st.integers(1, 64), st.integers(1, 64), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1]), st.booleans())
 def test_scans_are_refused_as_by_the_reference(rows: int, cols: int, seed: int, faulty: float, shaken: bool) -> None:
     """Bursts on one, some or all taxels, touches, repeated bursts, lost scans, faulty taxels, strong vibration."""

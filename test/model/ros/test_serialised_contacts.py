@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
@@ -77,6 +77,7 @@ def assert_same(ours: bytes, theirs: bytes) -> None:
     assert str(deserialize_message(ours, TactileContacts)) == str(deserialize_message(theirs, TactileContacts))
 
 
+@settings(max_examples=40)
 @given(SENSORS, st.text("ab/\u00e9", max_size=9), RESULTS, st.lists(MOTIONS, max_size=3))
 def test_contacts_of_any_kind_are_serialised_as_by_the_middleware(
     sensor: Sensor, frame: str, result: Reconstruction, motions: list[Motion]
