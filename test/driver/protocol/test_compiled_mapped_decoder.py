@@ -287,7 +287,7 @@ def test_both_decoders_agree_in_every_field_and_counter(sensors: dict[str, Senso
         published, resets, flagged = published + pair.published, resets + pair.ours.resets, flagged | pair.flagged
         statistics = pair.ours.statistics
         counted += Counter({each: getattr(statistics, each) for each in statistics.__slots__})
-    assert published > 600
+    assert published > 625
     assert (resets > 0) == bool(flagged & ScanStatus.BOARD_RESET) == (name not in RESETS_DO_NOT_SHOW)
     assert counted["lost_scans"] > 0
     assert counted["malformed"] > 0
