@@ -30,6 +30,9 @@ JUMP_FACTOR: Final = 4.0
 JUMP_LEAST: Final = 0.02
 """Least difference that counts as a clock jump [s]."""
 
+SAME_INTERVAL: Final = 0.1
+"""Relative difference up to which two such intervals in a row are the same [1]: the board was set to a lower rate."""
+
 PERIOD_GAIN: Final = 0.01
 """Gain of an interval by the board clock in the estimate of the period [1]."""
 
@@ -63,7 +66,7 @@ class ScanClock:
         self._shape = (sensor.layout.taxels,)
         self._longest = LONGEST_GAP * sensor.device.leak_time_constant
         self._period = 1.0 / sensor.can.scan_rate
-        self._periods = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR
+        self._shortest, self._odd = self._period / JUMP_FACTOR, 0.0
         self._late_in_a_row = 0
         self._restart = 0  # flags of restarts since the last admitted scan, also of scans that were refused
         self._restarted = 0  # stamp of the newest scan with such a flag [ns]
@@ -85,7 +88,7 @@ class ScanClock:
 
     def fits(self, scan: Scan) -> bool:
         """Return whether a scan has the layout of this sensor; count it otherwise."""
-        if scan.status & _RESTART:
+        if scan.layout_id == self._layout_id and scan.status & _RESTART:
             self._note_restart(scan)
         if scan.layout_id == self._layout_id and scan.counts.shape == self._shape:
             return True
@@ -153,6 +156,7 @@ class ScanClock:
         """Set the interval [s]; one out of range interrupts the force, and so does a charge that began anew."""
         self.interrupted = bool(self._restart & _CHARGE_RESET) or not 0.0 < interval <= self._longest
         self.step = self._period if self.interrupted else interval
+        self.counts.gaps += self.interrupted
 
     def _measure(self, scan: Scan, ahead: int) -> None:
         """Measure the interval before a scan that is `ahead` of the last one in sequence."""
@@ -160,7 +164,11 @@ class ScanClock:
         expected = ahead * self._period
         estimated = self._estimated or scan.status & _TIME_ESTIMATED
         interval = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
+        each = interval / ahead
         late = interval - expected > JUMP_LEAST and interval > JUMP_FACTOR * expected
+        if late and abs(each - self._odd) < SAME_INTERVAL * self._odd:  # the board was set to a lower rate
+            self._period, late = each, False
+        self._odd = each if late else 0.0
         if late or interval < 0.0 or (interval == 0.0 and not estimated):
             self.counts.time_jumps += 1
             self.suspect = True
@@ -168,18 +176,16 @@ class ScanClock:
         elif estimated:
             # Arrival times have jitter, and come in bursts; the board itself scans at a constant rate.
             self._arrivals += 1
-            self._update_period(interval / ahead, max(1.0 / self._arrivals, ESTIMATED_GAIN))
+            self._update_period(each, max(1.0 / self._arrivals, ESTIMATED_GAIN))
+            self._period = max(self._period, self._shortest)  # many arrive at once
             interval = ahead * self._period
         elif ahead == 1:
             self._update_period(interval, PERIOD_GAIN)
         self._bridge(interval)
-        self.counts.gaps += self.interrupted
 
     def _update_period(self, interval: float, gain: float) -> None:
-        """Update the period by an interval [s], within the range that a board of this sensor can be set to."""
-        period = self._period + gain * (interval - self._period)
-        shortest, longest = self._periods
-        self._period = shortest if period < shortest else longest if period > longest else period
+        """Update the period by an interval [s]."""
+        self._period += gain * (interval - self._period)
 
     @property
     def rate(self) -> float:

@@ -8,6 +8,7 @@
 #include "posfet_core/scan_clock.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 
@@ -40,7 +41,6 @@ ScanClock::ScanClock(std::uint64_t layout, std::size_t taxels, double leak_time_
       longest_(kLongestGap * leak_time_constant),
       period_(1.0 / scan_rate),
       shortest_period_(period_ / kJumpFactor),
-      longest_period_(period_ * kJumpFactor),
       step_(period_) {
   const bool fits = taxels > 0 && leak_time_constant > 0.0 && scan_rate > 0.0;
   if (!fits) {
@@ -49,7 +49,7 @@ ScanClock::ScanClock(std::uint64_t layout, std::size_t taxels, double leak_time_
 }
 
 bool ScanClock::fits(const Scan& scan) {
-  if ((scan.status & kRestart) != 0) {
+  if (scan.layout == layout_ && (scan.status & kRestart) != 0) {
     note_restart(scan);
   }
   if (scan.layout == layout_ && scan.taxels == taxels_) {
@@ -133,6 +133,7 @@ void ScanClock::bridge(double interval) {
   const bool in_range = 0.0 < interval && interval <= longest_;
   interrupted_ = (restart_ & kChargeReset) != 0 || !in_range;
   step_ = interrupted_ ? period_ : interval;
+  counts_.gaps += interrupted_ ? 1 : 0;
 }
 
 /// Measure the interval before a scan that is `ahead` of the last one in sequence.
@@ -142,7 +143,13 @@ void ScanClock::measure(const Scan& scan, std::int64_t ahead) {
   const bool estimated = estimated_ || (scan.status & kTimeEstimated) != 0;
   double interval = estimated ? static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9
                               : static_cast<double>(difference(scan.device_time, device_time_)) * 1e-6;
-  const bool late = interval - expected > kJumpLeast && interval > kJumpFactor * expected;
+  const double each = interval / static_cast<double>(ahead);
+  bool late = interval - expected > kJumpLeast && interval > kJumpFactor * expected;
+  if (late && std::abs(each - odd_) < kSameInterval * odd_) {  // the board was set to a lower rate
+    period_ = each;
+    late = false;
+  }
+  odd_ = late ? each : 0.0;
   if (late || interval < 0.0 || (interval == 0.0 && !estimated)) {
     ++counts_.time_jumps;
     suspect_ = true;
@@ -151,19 +158,15 @@ void ScanClock::measure(const Scan& scan, std::int64_t ahead) {
     // Arrival times have jitter, and come in bursts; the board itself scans at a constant rate.
     ++arrivals_;
     const auto count = static_cast<double>(ahead);
-    update_period(interval / count, std::max(1.0 / static_cast<double>(arrivals_), kEstimatedGain));
+    update_period(each, std::max(1.0 / static_cast<double>(arrivals_), kEstimatedGain));
+    period_ = std::max(period_, shortest_period_);  // many arrive at once
     interval = count * period_;
   } else if (ahead == 1) {
     update_period(interval, kPeriodGain);
   }
   bridge(interval);
-  counts_.gaps += interrupted_ ? 1 : 0;
 }
 
-/// Update the period by an interval [s], within the range that a board of this sensor can be set to.
-void ScanClock::update_period(double interval, double gain) {
-  const double period = period_ + gain * (interval - period_);
-  period_ = std::min(std::max(period, shortest_period_), longest_period_);
-}
+void ScanClock::update_period(double interval, double gain) { period_ += gain * (interval - period_); }
 
 }  // namespace posfet

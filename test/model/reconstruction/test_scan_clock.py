@@ -97,6 +97,26 @@ def test_a_gap_longer_than_two_time_constants_is_an_interruption() -> None:
     assert not clock.interrupted
 
 
+@pytest.mark.parametrize("period", [0.03, 0.1])
+def test_a_board_that_was_set_to_a_much_lower_rate_is_followed(period: float) -> None:
+    clock = clock_after(10)
+    for number in range(1, 20):
+        time = round(1e6 * period * number)
+        assert accept(clock, scan(9 + number, device_time=9000 + time, stamp=START + 9_000_000 + 1000 * time))
+        assert clock.suspect == (number == 1)
+    assert clock.step == pytest.approx(period, rel=1e-6)
+    assert clock.rate == pytest.approx(1.0 / period, rel=1e-6)
+    assert counted(clock) == {"time_jumps": 1}
+
+
+def test_a_reset_of_a_board_with_another_layout_changes_nothing() -> None:
+    clock = clock_after(10)
+    assert not accept(clock, scan(3, layout_id=2, status=ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET))
+    assert accept(clock, scan(10))
+    assert (clock.interrupted, clock.suspect) == (False, False)
+    assert counted(clock) == {"layout_mismatch": 1}
+
+
 @pytest.mark.parametrize("jump", [3_600_000_000, -9000, -5_000_000_000])
 def test_a_jump_of_the_boards_clock_is_bridged_by_the_sequence(jump: int) -> None:
     clock = clock_after(10)
@@ -163,7 +183,8 @@ GOOD = ScanCounts(accepted=1000)
         (ScanCounts(layout_mismatch=1), {}, Level.ERROR, "sensor file"),
         (ScanCounts(accepted=9, adc_fault=1), {}, Level.ERROR, "ADC"),
         (ScanCounts(accepted=9, implausible=1), {}, Level.ERROR, "ADC"),
-        (ScanCounts(accepted=9, resets=1), {}, Level.WARN, "interrupted"),
+        (ScanCounts(accepted=9, resets=1), {}, Level.WARN, "restarted"),
+        (ScanCounts(accepted=9, resets=1, gaps=1), {}, Level.WARN, "interrupted"),
         (ScanCounts(accepted=9, gaps=1), {}, Level.WARN, "interrupted"),
         (ScanCounts(accepted=9, time_jumps=1), {}, Level.WARN, "clock"),
         (ScanCounts(accepted=9, missed=1), {}, Level.WARN, "missing"),
@@ -209,7 +230,7 @@ def test_a_board_that_begins_with_a_new_film_interrupts_the_force_however_soon_i
     new = scan(0, stamp=START + 40_000_000, status=ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET)
     assert accept(clock, new)
     assert (clock.interrupted, clock.suspect) == (True, True)
-    assert counted(clock) == {"resets": 2}
+    assert counted(clock) == {"resets": 2, "gaps": 1}
     assert accept(clock, scan(1, stamp=START + 41_000_000))
     assert (clock.interrupted, clock.suspect) == (False, False)
 
@@ -227,7 +248,7 @@ def test_a_restart_is_not_forgotten_when_its_first_scan_cannot_be_used() -> None
     assert not accept(clock, scan(0, stamp=START + 20_000_000, status=status))
     assert accept(clock, scan(1, stamp=START + 21_000_000))
     assert (clock.interrupted, clock.suspect) == (True, True)
-    assert counted(clock) == {"adc_fault": 1, "resets": 1}
+    assert counted(clock) == {"adc_fault": 1, "resets": 1, "gaps": 1}
 
 
 def test_a_late_scan_of_before_a_restart_does_not_stand_for_its_first_scan() -> None:
@@ -238,7 +259,7 @@ def test_a_late_scan_of_before_a_restart_does_not_stand_for_its_first_scan() -> 
     assert not accept(clock, scan(11))
     assert accept(clock, scan(1, stamp=START + 21_000_000))
     assert (clock.interrupted, clock.suspect) == (True, True)
-    assert counted(clock) == {"adc_fault": 1, "late": 2, "resets": 1}
+    assert counted(clock) == {"adc_fault": 1, "late": 2, "resets": 1, "gaps": 1}
 
 
 def test_scans_that_stay_before_a_restart_are_eventually_accepted() -> None:
@@ -256,4 +277,4 @@ def test_the_first_scan_of_a_restart_that_arrives_twice_is_one_restart() -> None
     assert not accept(clock, first)
     assert accept(clock, scan(1, stamp=START + 21_000_000))
     assert not clock.interrupted
-    assert counted(clock) == {"repeated": 1, "resets": 1}
+    assert counted(clock) == {"repeated": 1, "resets": 1, "gaps": 1}

@@ -28,6 +28,9 @@ constexpr double kJumpFactor = 4.0;
 /// Least difference that counts as a clock jump [s].
 constexpr double kJumpLeast = 0.02;
 
+/// Relative difference up to which two such intervals in a row are the same [1]: the board was set to a lower rate.
+constexpr double kSameInterval = 0.1;
+
 /// Gain of an interval by the board clock in the estimate of the period [1].
 constexpr double kPeriodGain = 0.01;
 
@@ -101,8 +104,8 @@ private:
   std::size_t taxels_;
   double longest_;
   double period_;
-  double shortest_period_;
-  double longest_period_;
+  double shortest_period_;  ///< Of scans that are stamped as they arrive [s].
+  double odd_ = 0.0;        ///< The last interval, if it was a clock jump [s]; 0: it was none.
   ScanCounts counts_;
   double step_;
   bool interrupted_ = false;

@@ -41,7 +41,9 @@ class Period:
     missed: int
     """Scans missing in the sequence."""
     interruptions: int
-    """Resets of the board, and gaps too long to bridge."""
+    """Gaps too long to bridge, and resets after which the charge is another one."""
+    resets: int
+    """Resets of the board."""
     time_jumps: int
     """Jumps of the board clock."""
     unsettled: int
@@ -91,7 +93,8 @@ class Period:
             bursts=after.bursts - before.bursts,
             refused=after.repeated + after.late - before.repeated - before.late,
             missed=after.missed - before.missed,
-            interruptions=after.resets + after.gaps - before.resets - before.gaps,
+            interruptions=after.gaps - before.gaps,
+            resets=after.resets - before.resets,
             time_jumps=after.time_jumps - before.time_jumps,
             unsettled=unsettled,
             saturated=saturated,
@@ -129,6 +132,7 @@ def judge(period: Period) -> Verdict:
         (period.adc_fault > 0, Level.ERROR, "ADC fault, scans refused: check supply and wiring of the board"),
         (period.scans == 0, Level.ERROR, "no scans: check that the driver is running and active"),
         (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are unknown; check the bus"),
+        (period.resets > 0, Level.WARN, "board restarted: forces are tracked across it; check its supply"),
         (period.time_jumps > 0, Level.WARN, "board clock jumped: intervals taken from the sequence"),
         (period.saturated > 0, Level.WARN, "taxels saturated: press less, or widen the ADC range"),
         (period.unsettled > 0, Level.WARN, "offset of some taxels unknown: leave the sensor untouched for a moment"),

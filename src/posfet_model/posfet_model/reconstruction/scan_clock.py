@@ -43,7 +43,7 @@ class ScanCounts:
     time_jumps: int = 0
     """Jumps of the board clock; the interval is taken from the sequence."""
     gaps: int = 0
-    """Interruptions: intervals too long to track the force."""
+    """Interruptions: intervals too long to track the force, and resets after which the charge is another one."""
 
 
 class ScanClock(scan_path.ScanClock):
