@@ -27,6 +27,9 @@ WINDOW: Final = 0.1
 SCANS_PER_PERIOD: Final = 2.5
 """Least number of scans in a period with which the hum is distinguishable from other signals [1]."""
 
+LEAST_RATE: Final = 0.9
+"""Share of that to which the rate of a window's scans may fall [1]: some are lost."""
+
 PAUSE: Final = 0.5
 """Time between two searches for hum while there is none [s]."""
 
@@ -141,7 +144,9 @@ class MainsHum(HumFilter):
             return
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
-        if self.present:
+        if not self._shows_hum():
+            self._suspected = None
+        elif self.present:
             self._track(free if enough else ~ignored, any_true(self._touched))
         elif enough:
             self._detect(free)
@@ -149,6 +154,11 @@ class MainsHum(HumFilter):
             self._start_window()
         else:
             self._pause, self.sampling = PAUSE, False
+
+    def _shows_hum(self) -> bool:
+        """Return whether the scans of the window followed each other fast enough."""
+        span = self.times[self.scans - 1] - self.times[0]
+        return self.scans - 1 >= LEAST_RATE * SCANS_PER_PERIOD * max(FREQUENCIES) * span
 
     def _detect(self, free: Mask) -> None:
         """Detect a persistent hum: two consecutive windows must agree."""

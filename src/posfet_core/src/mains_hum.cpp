@@ -78,7 +78,9 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
     return;
   }
   const bool untouched = find_free(ignored);
-  if (state().present) {
+  if (!shows_hum()) {
+    suspected_ = false;
+  } else if (state().present) {
     track(touched_.any());
   } else if (untouched) {
     detect();
@@ -89,6 +91,13 @@ void MainsHum::close_block(const bool* touched, const bool* ignored, double dura
     pause_ = kSearchPause;
     state().sampling = false;
   }
+}
+
+/// Whether the scans of the window followed each other fast enough: those of a board that is slower than described may
+/// show a hum as an offset.
+bool MainsHum::shows_hum() {
+  const double span = times()[scans() - 1] - times()[0];
+  return static_cast<double>(scans() - 1) >= kLeastRate * kScansPerPeriod * kMainsFrequencies.back() * span;
 }
 
 /// Find the taxels that work and were not touched in the window, or all that work where these are too few; return

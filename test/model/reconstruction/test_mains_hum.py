@@ -241,6 +241,14 @@ def test_too_few_scans_per_period_leave_the_signals_unchanged() -> None:
     assert not mains.present
 
 
+def test_an_offset_of_a_board_that_is_slower_than_described_is_no_hum() -> None:
+    """At 50 scans per second a hum of 50 Hz would look the same."""
+    mains = MainsHum(TAXELS, RATE, NOISE)
+    left = run(mains, lambda times: np.full((len(times), TAXELS), 1.5), 30.0, rate=50.0)
+    assert not mains.present
+    assert rms(left) == 1.5
+
+
 def test_a_board_with_hum_is_as_quiet_as_one_without() -> None:
     sensor = load_sensor()
     scene = load_scene("idle", sensor)

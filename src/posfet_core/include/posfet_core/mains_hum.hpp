@@ -37,6 +37,9 @@ constexpr double kHumWindow = 0.1;
 /// Least number of scans in a period with which the hum is distinguishable from other signals [1].
 constexpr double kScansPerPeriod = 2.5;
 
+/// Share of that to which the rate of a window's scans may fall [1]: some are lost.
+constexpr double kLeastRate = 0.9;
+
 /// Time between two searches for hum while there is none [s].
 constexpr double kSearchPause = 0.5;
 
@@ -91,6 +94,7 @@ public:
 private:
   using Phasor = std::complex<double>;
 
+  bool shows_hum();
   bool find_free(const bool* ignored);
   void detect();
   void begin(double phase_change);
