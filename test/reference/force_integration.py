@@ -158,7 +158,7 @@ class ForceIntegration:
         lost = np.abs(self.change) * ratio / np.sqrt(12.0)
         self.jumped = self.jumped + lost**2
         self.lost = np.sqrt(self.lost**2 + lost**2)
-        return float(lost.sum())
+        return float(lost.sum(where=~self.ignored))
 
     def start_block(self, may_remove: bool = False) -> None:
         """Clear the sums of the block; a uniform change may be removed in it."""

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,13 +44,16 @@ class Reconstructor:
         layout, noise, self._sensor = sensor.layout, force_noise_rms(sensor), sensor
         self.estimator = ForceEstimator(sensor, settings.priors, calibration, settings.max_relative_uncertainty)
         self.estimator.touch_at_start = settings.touch_at_start
-        self.faults = TaxelFaultDetector(sensor, known_dead=calibration.dead)
+        leaking = replace(
+            sensor, device=replace(sensor.device, leak_time_constant=calibration.usual_leak_time_constant)
+        )
+        self.faults = TaxelFaultDetector(leaking, known_dead=calibration.dead)
         offset = calibration.offset * charge_per_newton(sensor) / sensor.volts_per_newton
         self._rates, self._noise = {True: sensor.can.scan_rate, False: 0.0}, noise * charge_per_newton(sensor)
         self._settings = settings
         self.hum = self._make_hum()
         self.path = ScanPath(
-            sensor, calibration.crosstalk, offset, self.hum, self.estimator.integration, 0, INFORMATIVE * noise
+            leaking, calibration.crosstalk, offset, self.hum, self.estimator.integration, 0, INFORMATIVE * noise
         )
         self.path.finder.set_thresholds(settings.contact or sensor.contact)
         self._margin = math.ceil(3.0 * sensor.device.contact_spread / min(layout.pitch_x, layout.pitch_y)) + 1

@@ -31,7 +31,7 @@ from reference.scan_clock import ScanClock
 MOST_IMPLAUSIBLE: Final = 10
 """Number of consecutive scans with most taxels saturated after which such a scan is accepted."""
 
-BASELINE_UNKNOWN, UNCERTAIN, TIME_UNCERTAIN, SCAN_UNUSABLE = 1, 2, 4, 8
+BASELINE_UNKNOWN, UNCERTAIN, TIME_UNCERTAIN, SCAN_UNUSABLE, NO_TAXEL = 1, 2, 4, 8, 16
 
 
 class ScanPath:
@@ -136,11 +136,13 @@ class ScanPath:
         if len(self.history) < self._history:
             self.history.append((scan.counts.copy(), clock.close))
         self._follow(clock.step, saturated)
-        valid = integration.valid and not clock.suspect
+        valid = integration.valid and not clock.suspect and not integration.ignored.all()
         reasons = TIME_UNCERTAIN if clock.suspect else 0
         if not integration.valid:
-            reasons |= UNCERTAIN if integration.offset_known.all() else BASELINE_UNKNOWN
-        self.result = True, False, valid, 0 if valid else reasons, saturated
+            known = (integration.offset_known | integration.ignored).all()
+            reasons |= UNCERTAIN if known else BASELINE_UNKNOWN
+        counted = int((self.saturated & ~integration.ignored).sum())
+        self.result = True, False, valid, 0 if valid else reasons or NO_TAXEL, counted
         return self.result
 
     def _plausible(self, scan: Scan) -> bool:

@@ -35,7 +35,7 @@ double ForceEstimate::variance_of_rise(const Taxels& taxels) const {
   }
   double risen = 0.0;
   for (const Taxel taxel : taxels) {
-    risen += force[taxel] - held[taxel];
+    risen += is_measured(taxel) ? force[taxel] - held[taxel] : 0.0;
   }
   return square(*rise_deviation * risen);
 }
@@ -48,7 +48,7 @@ double ForceEstimate::computed_variance_of_sum(const Taxels& taxels) const {
   for (std::size_t cause = 0; cause < causes; ++cause) {
     double shared = 0.0;
     for (const Taxel taxel : taxels) {
-      shared += correlated_error[static_cast<std::size_t>(taxel) * causes + cause];
+      shared += is_measured(taxel) ? correlated_error[static_cast<std::size_t>(taxel) * causes + cause] : 0.0;
     }
     total += shared * shared;
   }

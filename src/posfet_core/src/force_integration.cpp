@@ -182,7 +182,7 @@ double ForceIntegration::advance(const double* charge, double step) {
     const double lost = std::abs(s.change[taxel]) * factors.ratio[taxel] / kUniformDeviation;
     s.jumped[taxel] += lost * lost;
     s.lost[taxel] = std::hypot(s.lost[taxel], lost);
-    total += lost;
+    total += s.ignored[taxel] ? 0.0 : lost;
   }
   return total;
 }

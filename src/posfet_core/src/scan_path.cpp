@@ -149,7 +149,10 @@ void ScanPath::finish() {
   ForceIntegration& integration = *parts_.integration;
   ContactTracker& tracker = *parts_.tracker;
   DynamicChannel& channel = *parts_.channel;
-  result_.saturated = saturated_now_;
+  result_.saturated = 0;
+  for (std::size_t taxel = 0; taxel < taxels() && saturated_now_ > 0; ++taxel) {
+    result_.saturated += saturated_[taxel] && !integration.state().ignored[taxel] ? 1 : 0;
+  }
   if (saturated_now_ > 0) {
     integration.clip(saturated_.data(), step);
   }
@@ -169,7 +172,7 @@ void ScanPath::finish() {
   if (shows_released_) {
     channel.update(tracker.follow(*parts_.finder, estimate(), step), force, step);
   }
-  result_.valid = integration.block().valid && !parts_.clock->suspect();
+  result_.valid = integration.block().valid && !parts_.clock->suspect() && !integration.state().ignored.all();
   result_.reasons = result_.valid ? 0 : reasons();
 }
 
@@ -242,11 +245,16 @@ const ForceEstimate& ScanPath::estimate() {
 
 /// Why the result of an accepted scan is not valid.
 std::uint8_t ScanPath::reasons() const {
+  const ForceIntegration::State& state = parts_.integration->state();
   std::uint8_t found = parts_.clock->suspect() ? kTimeUncertain : 0;
   if (!parts_.integration->block().valid) {
-    found |= parts_.integration->state().offset_known.all() ? kUncertain : kBaselineUnknown;
+    bool known = true;
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      known = known && (state.offset_known[taxel] || state.ignored[taxel]);
+    }
+    found |= known ? kUncertain : kBaselineUnknown;
   }
-  return found;
+  return found == 0 ? kNoTaxel : found;
 }
 
 }  // namespace posfet

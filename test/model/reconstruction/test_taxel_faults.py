@@ -306,6 +306,24 @@ def test_a_taxel_that_recovers_after_sticking_under_load_is_used_again() -> None
     assert reconstructor.image().force[12] == pytest.approx(FINGER[12], abs=0.02)
 
 
+def test_the_reading_of_a_taxel_that_sticks_under_load_is_in_no_deviation() -> None:
+    """It grows as if the force did that keeps such a signal up: its force is interpolated."""
+    _, undisturbed, _ = run(well, 4.0, press(1.5, 0.5, 9.0))
+    _, results, statuses = run(frozen(12, 600, 9000), 4.0, press(1.5, 0.5, 9.0))
+    assert statuses[-1][12] == TaxelStatus.STUCK
+    assert_force(results[700:], 1.5)
+    estimated = FINGER[12] * 1.5
+    expected = math.hypot(standard_uncertainty(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
+    assert standard_uncertainty(results) == pytest.approx(expected, rel=0.25)
+
+
+def test_a_taxel_at_the_rail_from_the_start_is_stuck_and_counts_neither_as_saturated_nor_as_unsettled() -> None:
+    reconstructor, results, statuses = run(stuck(0, 0xFFFF), 1.5)
+    assert statuses[-1][0] == TaxelStatus.STUCK
+    assert results[-1].valid
+    assert (results[-1].saturated, reconstructor.unsettled, reconstructor.faulty) == (0, 0, 1)
+
+
 def test_a_taxel_that_no_longer_sticks_is_used_again_after_the_touch() -> None:
     """It restarts without a force, as nothing would tell it under the touch."""
     _, results, statuses = run(frozen(12, 600, 900), 6.0, press(1.5, 0.5, 4.0))

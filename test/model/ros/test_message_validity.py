@@ -63,6 +63,12 @@ def overload(index: int, scan: Scan) -> None:
     scan.counts[12] = 0xFFFF if BEGIN <= index < BEGIN + 20 else scan.counts[12]
 
 
+def frozen(index: int, scan: Scan) -> None:
+    """All taxels are stuck: none is left that says anything."""
+    if index >= BEGIN:
+        scan.counts[:] = 0x8100
+
+
 def well(index: int, scan: Scan) -> None:
     """No fault: forces are unknown at the start."""
 
@@ -73,11 +79,12 @@ REASONS = {
     clock_jump: TactileWrench.REASON_TIME_UNCERTAIN,
     # Taken for interference at first; what the clipped signal hid makes the total force uncertain.
     overload: TactileWrench.REASON_SCAN_UNUSABLE | TactileWrench.REASON_UNCERTAIN,
+    frozen: TactileWrench.REASON_SCAN_UNUSABLE | TactileWrench.REASON_NO_TAXEL,
 }
 """Reasons for which the wrench is not valid, besides the start."""
 
 
-@pytest.mark.parametrize("edit", [well, lost, adc_fault, clock_jump, stuck, overload])
+@pytest.mark.parametrize("edit", [well, lost, adc_fault, clock_jump, stuck, overload, frozen])
 def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
     reconstructor = Reconstructor(SENSOR)
     reconstructor.vibration_wanted = True
@@ -139,4 +146,4 @@ def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
     assert not all(valid)
     assert reasons == TactileWrench.REASON_BASELINE_UNKNOWN | REASONS.get(edit, 0)
     # A force held through an interruption is a lower bound; what a clipped signal hid is half of the force.
-    assert valid[-1] == (edit not in (lost, overload))
+    assert valid[-1] == (edit not in (lost, overload, frozen))

@@ -128,10 +128,12 @@ class ForceEstimate:
         """
         taxels = footprint.members[counted]
         variance = float(sum_in_order(self.variance[taxels]))
+        # Errors of a reading that is not used count for nothing.
+        measured = taxels if self.interpolated is None else taxels[~self.interpolated[taxels]]
         if self.correlated_error is not None:
-            variance += float(np.square(self.correlated_error[taxels].sum(axis=0)).sum())
+            variance += float(np.square(self.correlated_error[measured].sum(axis=0)).sum())
         if self.risen is not None:
-            variance += (self.rise_deviation * float(sum_in_order(self.risen[taxels]))) ** 2
+            variance += (self.rise_deviation * float(sum_in_order(self.risen[measured]))) ** 2
         return variance
 
 

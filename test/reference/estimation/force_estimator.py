@@ -945,7 +945,8 @@ class ForceEstimator:
         shared = self.belief.shared
         if any_true(listed):
             around = self._surroundings.dilated(listed)
-            force = np.where(around, np.maximum(self._steady, 0.0), 0.0)
+            counted = ~self.ignored | self.informative
+            force = np.where(around & counted, np.maximum(self._steady, 0.0), 0.0)
             # Without the force that is the warmth's own, which would keep itself up.
             by_warmth = self._per_kelvin * float(shared[Shared.WARMTH]) * self._touch.warm
             tail = np.where(around, tail, 0.0)
@@ -1506,7 +1507,8 @@ class ForceEstimator:
         return np.maximum(absorbed, 0.0)
 
     def _set_covariance(self, block: Block) -> None:
-        held, belief = np.maximum(self.force * self._touched, 0.0), self.belief
+        counted = ~self.ignored | self.informative
+        held, belief = np.maximum(self.force * (self._touched & counted), 0.0), self.belief
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
         # The covariance without the responses to the touch itself, and without what the taxel's own response to a
         # temperature contributes, which grows during a touch only.
@@ -1598,13 +1600,13 @@ class ForceEstimator:
 
     def _confirm_offsets(self, duration: float) -> None:
         """Mark offsets as known once the array has been still."""
-        if self.offset_known.all():
+        if (self.offset_known | self.ignored).all():
             return
         # What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
         warming = self._uniform.observable or self._warms()
         at_rest = self._rest.update(self._integration.signal, self.ignored, duration, warming)
         if self._rest.moved:
-            self._restart(~self.offset_known)
+            self._restart(~self.offset_known & ~self.ignored)
         elif at_rest and len(self._blocks) >= SETTLED_BLOCKS:
             self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
 

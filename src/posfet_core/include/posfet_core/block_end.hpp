@@ -5,8 +5,8 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// What happens at the end of a block (20 ms), in its order: baselines are corrected away from contacts, the taxels are
-/// tested, the hum is estimated, and the thresholds are set by the new uncertainty.
+/// What happens at the end of a block (20 ms), in its order: the taxels are tested, the hum is estimated, baselines are
+/// corrected away from contacts, and the thresholds are set by the new uncertainty.
 #pragma once
 
 #include <memory>

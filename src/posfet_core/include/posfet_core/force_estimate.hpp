@@ -44,6 +44,9 @@ public:
 private:
   double computed_variance_of_sum(const Taxels& taxels) const;
 
+  /// Whether a force is a taxel's own: errors of a reading that is not used count for nothing.
+  bool is_measured(Taxel taxel) const { return interpolated == nullptr || !interpolated[taxel]; }
+
   mutable Map<Taxels, double> sums_;
 };
 

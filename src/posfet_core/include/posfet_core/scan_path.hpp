@@ -42,6 +42,7 @@ constexpr std::uint8_t kBaselineUnknown = 1;
 constexpr std::uint8_t kUncertain = 2;
 constexpr std::uint8_t kTimeUncertain = 4;
 constexpr std::uint8_t kScanUnusable = 8;
+constexpr std::uint8_t kNoTaxel = 16;
 
 /// What drives the path, each shared with the caller.
 struct ScanParts {

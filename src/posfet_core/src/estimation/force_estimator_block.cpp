@@ -114,7 +114,7 @@ void ForceEstimator::measure_touch(Block& block) {
     // Without the force that is the warmth's own, which would keep itself up.
     const double by_warmth = array_.newton_per_kelvin[taxel] * belief()->shared[kWarmth] * touch_.warm()[taxel];
     const double tail = chosen_[taxel] ? block.tail[taxel] : 0.0;
-    force[taxel] = chosen_[taxel] ? std::max(steady_[taxel], 0.0) : 0.0;
+    force[taxel] = chosen_[taxel] && counts(taxel) ? std::max(steady_[taxel], 0.0) : 0.0;
     least[taxel] = std::max(force[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
     most[taxel] = std::max(force[taxel], spread * tail);
   }

@@ -98,7 +98,7 @@ void ForceEstimator::set_covariance(const Block& block) {
   }
   filter_.shared_variance(sensitivity_.data(), shared_variance.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double held = touched_[taxel] ? std::max(s.force[taxel], 0.0) : 0.0;
+    const double held = touched_[taxel] && counts(taxel) ? std::max(s.force[taxel], 0.0) : 0.0;
     s.held[taxel] = held;
     const double* own = b.own_of(taxel);
     double& lost = s.lost[taxel];
@@ -146,7 +146,7 @@ bool ForceEstimator::is_valid(double duration) {
     const bool fit = offset_known()[taxel] && unexplained_.below()[taxel] == 0.0 && !lower_bound_.mask()[taxel] &&
                      force()[taxel] <= kBeyondRange * array_.greatest_force;
     sound = sound && (fit || ignored()[taxel]);
-    chosen_[taxel] = !ignored()[taxel] || informative_[taxel];
+    chosen_[taxel] = counts(taxel);
     may_touch = may_touch || (touched_[taxel] && chosen_[taxel]);
     total += chosen_[taxel] ? force()[taxel] : 0.0;
   }
@@ -196,12 +196,12 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted, double deviation) con
 
 /// Mark offsets as known once the array has been still.
 void ForceEstimator::confirm_offsets(double duration) {
-  if (offset_known().all()) {
+  if (knows_offsets()) {
     return;
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     values_[taxel] = signal(taxel);
-    chosen_[taxel] = !offset_known()[taxel];
+    chosen_[taxel] = !offset_known()[taxel] && !ignored()[taxel];
   }
   // What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
   const bool warms = square(belief()->shared[kRate]) > square(kSurprising) * belief()->variance(kRate);

@@ -205,6 +205,12 @@ class Calibration:
         return np.isnan(self.gain)
 
     @property
+    def usual_leak_time_constant(self) -> float:
+        """Median leakage time constant of the taxels that respond [s]; of all where none does."""
+        alive = ~self.dead
+        return float(np.median(self.leak_time_constant[alive if alive.any() else slice(None)]))
+
+    @property
     def usable_gain(self) -> Array:
         """`gain` with NaN replaced by 1."""
         return np.where(self.dead, 1.0, self.gain)

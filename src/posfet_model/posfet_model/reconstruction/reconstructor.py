@@ -14,7 +14,7 @@ block_end.hpp: tests of the taxels, mains hum, estimation, thresholds.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import Any, Final
 
@@ -148,7 +148,7 @@ class _LastResult(Reconstruction):
         return writer.write_scan(self._path)
 
 
-_REASONS: Final = tuple(InvalidReason(bits) for bits in range(16))
+_REASONS: Final = tuple(InvalidReason(bits) for bits in range(32))
 """What the compiled path gives as bits."""
 
 
@@ -187,7 +187,10 @@ class Reconstructor:
         settings = settings or ReconstructionSettings()
         self.calibration = calibration or Calibration.nominal(sensor)
         """Properties of each taxel in use."""
-        self._clock = ScanClock(sensor)
+        leaking = replace(
+            sensor, device=replace(sensor.device, leak_time_constant=self.calibration.usual_leak_time_constant)
+        )
+        self._clock = ScanClock(leaking)
         self._estimator = ForceEstimator(sensor, settings.priors, self.calibration, settings.max_relative_uncertainty)
         self._estimator.touch_at_start = settings.touch_at_start
         noise = force_noise_rms(sensor)
@@ -198,7 +201,7 @@ class Reconstructor:
         self._finder = ContactFinder(sensor)
         self._finder.set_thresholds(settings.contact or sensor.contact)
         self._tracker = ContactTracker(sensor)
-        self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
+        self._faults = TaxelFaultDetector(leaking, known_dead=self.calibration.dead)
         self._bursts = BurstDetector(sensor)
         self._path = self._make_path()
         self._saturated, self._filled, self._interpolated = (
@@ -280,8 +283,8 @@ class Reconstructor:
 
     @property
     def unsettled(self) -> int:
-        """Number of taxels whose offset is unknown."""
-        return int(np.count_nonzero(~self._estimator.offset_known))
+        """Number of taxels whose offset is unknown, of those that are not faulty."""
+        return int(np.count_nonzero(~self._estimator.offset_known & ~self._faults.faulty))
 
     @property
     def faulty(self) -> int:

@@ -32,5 +32,5 @@ class ReconstructionSettings:
     hum_removal: bool = True
     """Whether mains hum is estimated and subtracted."""
     fault_detection: bool = True
-    """Whether taxels are tested for faults; without, those that the calibration found stay excluded, and the noise of
-    all others is still measured."""
+    """Whether taxels are tested for faults; without, those that are faulty stay excluded, and the noise of all others
+    is still measured."""

@@ -50,7 +50,13 @@ class MarkersMessage:
         for gone in sorted(self._shown - ids):
             markers += [self._marker(result, name, gone, action=Marker.DELETE) for name in ("contact", "force")]
         for contact in live:
-            markers += [self._sphere(result, contact), self._arrow(result, contact)]
+            unknown = math.isnan(contact.region.force)
+            markers.append(self._sphere(result, contact))
+            markers.append(
+                self._marker(result, "force", contact.id, action=Marker.DELETE)
+                if unknown
+                else self._arrow(result, contact)
+            )
         self._shown = ids
         return MarkerArray(markers=markers)
 

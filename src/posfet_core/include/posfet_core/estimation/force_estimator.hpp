@@ -205,6 +205,8 @@ private:
   double tail_spread(const Belief& belief) const;
   double film_rate() const;
   std::size_t usable() const;
+  /// Whether the reading of a taxel is a force: not of a faulty one, unless it still counts in sums.
+  bool counts(std::size_t taxel) const { return !ignored()[taxel] || informative_[taxel]; }
   bool knows_offsets() const;
   bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
 
