@@ -157,6 +157,7 @@ void bind_tracking(py::module_& module) {
            }),
            py::kw_only(), py::arg("gate"), py::arg("smoothing"), py::arg("start_speed"), py::arg("stop_speed"),
            py::arg("pitch"), py::arg("threshold"), py::arg("noise"), py::arg("first_id"))
+      .def_property_readonly("next_id", &ContactTracker::next_id, "Id of the next contact.")
       .def_property_readonly("idle", &ContactTracker::idle,
                              "Whether there is no contact that could continue or be released.")
       .def(

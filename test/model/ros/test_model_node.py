@@ -532,6 +532,17 @@ def test_a_forced_tare_is_done_under_load(bench: Bench) -> None:
     assert not model.latest().contacts
 
 
+def test_another_calibration_gives_no_contact_an_id_that_was_given_before(bench: Bench, tmp_path: Any) -> None:
+    model, ids = bench.model(calibration_folder=str(tmp_path)), []
+    assert call(bench, CalibrationFile, "calibration/save", path="cal.yaml").success
+    for _ in range(2):
+        process(model, recorded_scans()[: PRESS_UNTIL - 10])
+        [contact] = model.latest().contacts
+        ids.append(contact.id)
+        assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
+    assert ids == [1, 2]
+
+
 def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tmp_path: Any) -> None:
     model, path = bench.model(calibration_folder=str(tmp_path)), tmp_path / "cal.yaml"
     answer = call(bench, CalibrationFile, "calibration/save", path="cal.yaml")

@@ -50,6 +50,9 @@ public:
   /// `first_id` is the id of the first contact, in [1, kLastId].
   ContactTracker(const TrackerSettings& settings, TrackId first_id);
 
+  /// Id of the next contact.
+  TrackId next_id() const { return next_id_; }
+
   /// Associate the regions of a scan with the contacts of the scan before, `step` seconds ago, > 0. Returns the
   /// contacts, ascending by id; those that ended in this scan are included once, as released.
   const Vector<Contact>& update(Vector<Region> regions, double step);

@@ -175,6 +175,8 @@ class Reconstructor:
         Properties of each taxel; None: nominal ones from the description.
     settings : ReconstructionSettings, optional
         Settings; None: the defaults.
+    first_id : int, default 1
+        Id of the first contact.
     """
 
     def __init__(
@@ -182,6 +184,7 @@ class Reconstructor:
         sensor: Sensor,
         calibration: Calibration | None = None,
         settings: ReconstructionSettings | None = None,
+        first_id: int = 1,
     ) -> None:
         taxels = sensor.layout.taxels
         settings = settings or ReconstructionSettings()
@@ -200,7 +203,7 @@ class Reconstructor:
         self._dynamic = DynamicChannel(sensor.layout, noise)
         self._finder = ContactFinder(sensor)
         self._finder.set_thresholds(settings.contact or sensor.contact)
-        self._tracker = ContactTracker(sensor)
+        self._tracker = ContactTracker(sensor, first_id=first_id)
         self._faults = TaxelFaultDetector(leaking, known_dead=self.calibration.dead)
         self._bursts = BurstDetector(sensor)
         self._path = self._make_path()
@@ -275,6 +278,11 @@ class Reconstructor:
     def counts(self) -> ScanCounts:
         """Numbers of scans and events since the start, by cause; a copy, which later scans do not change."""
         return self._clock.counts
+
+    @property
+    def next_id(self) -> int:
+        """Id of the next contact."""
+        return self._tracker.next_id
 
     @property
     def restarts(self) -> int:

@@ -81,6 +81,7 @@ class ModelNode(SupervisedLifecycleNode):
             raise
         self._active = False
         self._result: Reconstruction | None = None
+        self._next_id = 1
         self._reader = ScanReader(self.sensor.layout)
         given = self.parameters
         qos = output_qos(given["reliability"], OUTPUT_DEPTH)
@@ -150,12 +151,20 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _end(self) -> None:
         self._pause()
+        self._keep_id()
         with self._lock:
             self._reconstructor = self._result = None
 
+    def _keep_id(self) -> None:
+        """Let the next reconstructor go on with the ids of the contacts of this one."""
+        with self._lock:
+            if self._reconstructor is not None:
+                self._next_id = self._reconstructor.next_id
+
     def _use_calibration(self, calibration: Calibration | None) -> Reconstructor:
         """Begin to estimate with a calibration; None: nominal values."""
-        reconstructor = Reconstructor(self.sensor, calibration, self._settings)
+        self._keep_id()
+        reconstructor = Reconstructor(self.sensor, calibration, self._settings, self._next_id)
         with self._lock:
             self._reconstructor, self._result = reconstructor, None
             self._direct.close()
