@@ -171,7 +171,7 @@ class ScanPath:
             force, deviation = self.filled, self.filled_deviation
             deviation[:] = 0.0
             force[:] = np.where(interpolated, 0.0, integration.force)
-            if self.finder.find(force):
+            if self.finder.any(force):
                 unknown, wanted = interpolated | ~integration.offset_known, interpolated.nonzero()[0]
                 force[wanted], deviation[wanted] = self._neighbours.interpolate(
                     force, unknown, wanted, self._informative, *self._most

@@ -207,9 +207,8 @@ std::size_t ScanPath::find_with_faulty() {
     filled_[taxel] = interpolated_[taxel] ? 0.0 : state.force[taxel];
     filled_deviation_[taxel] = 0.0;
   }
-  const std::size_t regions = parts_.finder->find(filled_.data());
-  if (regions == 0) {
-    return regions;
+  if (!parts_.finder->thresholds().any(filled_.data())) {
+    return parts_.finder->find(filled_.data());
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     unknown_[taxel] = interpolated_[taxel] || !state.offset_known[taxel];

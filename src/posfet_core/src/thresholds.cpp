@@ -63,6 +63,14 @@ bool Thresholds::apply(const double* force) {
   return true;
 }
 
+bool Thresholds::any(const double* force) const {
+  bool found = false;
+  for (std::size_t taxel = 0; taxel < limit_.size(); ++taxel) {
+    found = found || force[taxel] >= limit_[taxel];
+  }
+  return found;
+}
+
 void Thresholds::raise_recent(const double* force) {
   for (std::size_t taxel = 0; taxel < recent_.size(); ++taxel) {
     recent_[taxel] = std::fmax(recent_[taxel], force[taxel]);

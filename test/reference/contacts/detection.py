@@ -241,6 +241,10 @@ class ContactFinder:
         np.logical_or(self._touched, releasing, out=self.touched)
         self._before[:] = force
 
+    def any(self, force: NDArray[np.float64]) -> bool:
+        """Return whether any of these forces [N] would be in contact."""
+        return bool((force >= self._limit).any())
+
     def find(self, force: NDArray[np.float64]) -> list[Footprint]:
         """Return the regions in contact.
 

@@ -58,6 +58,9 @@ public:
   /// Apply the thresholds to the forces of a scan [N]; return whether the set of taxels in contact changed.
   bool apply(const double* force);
 
+  /// Whether any of these forces [N] would be in contact.
+  bool any(const double* force) const;
+
   /// Let forces [N] count as recent.
   void raise_recent(const double* force);
 
