@@ -259,6 +259,8 @@ def test_a_deviation_of_the_warmth_that_was_raised_in_the_file_counts_whatever_t
     assert known.warmth == pytest.approx(0.1, rel=1e-2)
     assert (known.warmth_force, known.warmth_steepness, known.warmth_certain) == (0.012, 4.0, 1.0)
     assert ErrorPriors().with_calibration(calibration(warmth=0.0, **wide)).warmth == 0.1
+    none = ErrorPriors(warmth=1e-6)
+    assert none.with_calibration(calibration(warmth=0.0)).warmth == none.warmth, "what nobody has stated"
 
 
 def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> None:

@@ -229,9 +229,11 @@ class ErrorPriors:
             spread = math.hypot(self.lag_spread_calibrated, self.lag_resolution / lag)
             found |= {"lag": lag, "lag_spread": spread, "slow_rate": self.slow_rate_calibrated}
             found["dead_share"] = min(calibration.temperature_sensor_dead_time / lag, 1.0)
-        found |= {"warmth_mean": calibration.warmth, "warmth": calibration.warmth_deviation}
+        if calibration.warmth_deviation != NOMINAL_WARMTH_DEVIATION:  # stated, and not only assumed
+            found["warmth"] = calibration.warmth_deviation
         if calibration.warmth_observed:
-            found["warmth"] = math.hypot(calibration.warmth_deviation, self.warmth_least)
+            deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
+            found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
             found |= {"warmth_time": calibration.warmth_time_constant, "warmth_contact": self.warmth_contact_calibrated}
             if abs(calibration.warmth) > self.warmth_least:  # what saturates is more than nothing
                 found |= {"warmth_force": calibration.warmth_force, "warmth_certain": 1.0}
