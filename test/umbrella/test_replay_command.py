@@ -22,6 +22,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.commands.simulate import main as simulate
+from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.mcap_reader import Recording
 from posfet_sim.recording.recorded_scans import RecordedScans
 from support.paths import DATA
@@ -92,3 +93,23 @@ def test_bad_input_is_one_line(
     assert reason in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out.mcap").exists()
+
+
+class FullDisk(MessageFile):
+    """A file whose disk is full at the first message that is kept from the recording."""
+
+    def add(self, topic: int, time: int, data: bytes, sequence: int = 0) -> None:
+        if topic > 2:  # contacts and image come before
+            raise DiskFull(f"{self.path}: cannot be written: No space left on device")
+        super().add(topic, time, data, sequence)
+
+
+def test_a_full_disk_is_not_taken_for_a_damaged_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording, out = tmp_path / "run.mcap", tmp_path / "out.mcap"
+    assert simulate(["press_slide_lift", "--out", str(recording), "--for", "0.01"]) == 0
+    monkeypatch.setattr("posfet.replay_command.MessageFile", FullDisk)
+    capsys.readouterr()
+    assert main([str(recording), "--out", str(out)]) == BAD_INPUT
+    assert capsys.readouterr().err == f"{out}: cannot be written: No space left on device\n"

@@ -135,16 +135,17 @@ class RecordedScans:
             A scan, overwritten by the next one.
         """
         messages, count = ScanMessages(self._sensor), 0
-        try:
-            for message in self.recording.messages(at):
-                if message.topic.name == self.topic.name:
-                    yield messages.scan(message.topic.reader.read(message.data))
-                    count += 1
-                else:
-                    other(message)
-        except ValueError as error:
-            self.problem = f"{self.recording.path}: {error}; {count} scans before it were read"
-            return
+        for message in self.recording.messages(at):
+            if message.topic.name != self.topic.name:
+                other(message)
+                continue
+            try:
+                scan = messages.scan(message.topic.reader.read(message.data))
+            except ValueError as error:
+                self.problem = f"{self.recording.path}: {error}; {count} scans before it were read"
+                return
+            yield scan
+            count += 1
         self.problem = self.recording.missing
 
     def simulated(self) -> bool:
