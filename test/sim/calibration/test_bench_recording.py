@@ -32,8 +32,13 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.emulation.bus_board import BusBoard
+from posfet_sim.recording.mcap_file import MessageFile
+from posfet_sim.recording.message_definitions import schema_text
+from posfet_sim.recording.recorded_scans import RecordedScans
+from posfet_sim.recording.scan_messages import RAW, ScanMessage
 from posfet_sim.scene import SceneLoads
 from support.calibrations import with_rate
+from support.paths import DATA
 
 SENSOR = load_sensor()
 ROUGH = replace(
@@ -163,3 +168,24 @@ def test_frames_of_another_board_are_rejected(files: Files, tmp_path: Path) -> N
     empty.write_text("")
     with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(empty, SENSOR)
+
+
+def test_a_recording_that_was_cut_is_said_in_one_line(
+    files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mcap", reason="recordings need the package mcap")
+    stored, cut = DATA / "recording" / "posfet_0.2.0.mcap", tmp_path / "cut.mcap"
+    assert read_scans(stored, SENSOR).problem == ""
+    file, message = MessageFile(cut, "test"), ScanMessage(SENSOR.layout.rows, SENSOR.layout.cols)
+    topic = file.add_topic("/tactile/raw", RAW, schema_text(RAW))
+    for scan in RecordedScans(stored, SENSOR).scans():
+        file.add(topic, scan.stamp, message.fill(scan))
+    file.flush()
+    size = file.size
+    file.close()
+    cut.write_bytes(cut.read_bytes()[:size])
+    assert read_scans(cut, SENSOR).problem.startswith(f"{cut}: it was not closed; 40 messages up to byte ")
+    assert main(arguments((cut, files[1]), tmp_path / "cal.yaml")) == 1
+    shown, refusal = capsys.readouterr().err.splitlines()
+    assert shown == read_scans(cut, SENSOR).problem
+    assert "must last from" in refusal

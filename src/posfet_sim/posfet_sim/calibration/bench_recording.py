@@ -120,6 +120,8 @@ class Scans:
     """Counts, shape [scans, rows * cols]."""
     temperature: Array
     """Mean of the temperature sensors [degC], shape [scans]."""
+    problem: str = ""
+    """What could not be read of the recording, in one line; '' if everything could."""
 
 
 def read_scans(file: Path, sensor: Sensor) -> Scans:
@@ -144,7 +146,8 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     """
     stamps: list[int] = []
     counts, temperatures = [], []
-    for scan in RecordedScans(file, sensor).scans() if file.suffix == ".mcap" else _decoded(file, sensor):
+    recorded = RecordedScans(file, sensor) if file.suffix == ".mcap" else None
+    for scan in _decoded(file, sensor) if recorded is None else recorded.scans():
         if stamps and (scan.status & (ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT) or scan.stamp <= stamps[-1]):
             raise ConfigError(f"{file}: the board was reset or its ADC failed after {len(stamps)} scans")
         stamps.append(scan.stamp)
@@ -155,7 +158,8 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     if not np.isfinite(temperatures).any():
         raise ConfigError(f"{file}: no temperature in it: the status frames of the board are missing")
     time = np.array(stamps, np.float64) * 1e-9
-    return Scans(time, np.array(counts), interpolated_temperature(time, np.array(temperatures)))
+    problem = "" if recorded is None else recorded.problem
+    return Scans(time, np.array(counts), interpolated_temperature(time, np.array(temperatures)), problem)
 
 
 def _decoded(file: Path, sensor: Sensor) -> Iterator[Scan]:

@@ -38,7 +38,10 @@ from posfet_sim.device.error_model import load_error_model
 def _from_recording(sensor: Sensor, options: argparse.Namespace) -> Calibration:
     """Return the calibration of the recorded board."""
     ball = Sphere(options.ball_radius * 1e-3, options.ball_modulus * 1e6)
-    recording, late = combine(sensor, read_scans(options.recording, sensor), read_reference(options.reference), ball)
+    scans = read_scans(options.recording, sensor)
+    if scans.problem:
+        print(scans.problem, file=sys.stderr)
+    recording, late = combine(sensor, scans, read_reference(options.reference), ball)
     print(f"{options.reference}: clock delay {late * 1e3:+.1f} ms; {len(recording.time)} scans")
     return fit(sensor, recording, timestamp())
 
