@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoded import ScanReady
-from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.mapped_decoder import make_decoder
 from posfet_model._lib.minima import golden_section
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
@@ -156,7 +156,8 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     if not stamps:
         raise ConfigError(f"{file}: no scan in it: compare the sensor file with the board")
     if not np.isfinite(temperatures).any():
-        raise ConfigError(f"{file}: no temperature in it: the status frames of the board are missing")
+        missing = "no signal of temperatures (protocol in the sensor file)" if sensor.mapping else "no status frame"
+        raise ConfigError(f"{file}: no temperature in it: {missing} of the board was recorded")
     time = np.array(stamps, np.float64) * 1e-9
     problem = "" if recorded is None else recorded.problem
     return Scans(time, np.array(counts), interpolated_temperature(time, np.array(temperatures)), problem)
@@ -164,8 +165,8 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
 
 def _decoded(file: Path, sensor: Sensor) -> Iterator[Scan]:
     """Iterate over the scans in a recording of the bus."""
-    decoder = Decoder(sensor)
-    decoder.receiving = True
+    decoder = make_decoder(sensor)
+    decoder.start()
     for message in messages(file):
         for decoded in decoder.decode([frame_of(message)], round(message.timestamp * 1e9), 0):
             if isinstance(decoded, ScanReady):

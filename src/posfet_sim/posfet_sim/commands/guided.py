@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from posfet_driver.board.board_client import Board
+from posfet_driver.board.listening_board import ListeningBoard
 from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
-from posfet_driver.clock import SystemClock
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.identifiers import board_frames
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
@@ -40,7 +41,9 @@ FIRST_SCAN: Final = 10.0
 
 
 @contextlib.contextmanager
-def scans_of(sensor: Sensor, interface: str, channel: str) -> Iterator[Iterator[Scan | None]]:
+def scans_of(
+    sensor: Sensor, interface: str, channel: str, clock: Clock | None = None
+) -> Iterator[Iterator[Scan | None]]:
     """Yield the scans of a board on a bus; None where none arrived in time.
 
     Parameters
@@ -51,6 +54,8 @@ def scans_of(sensor: Sensor, interface: str, channel: str) -> Iterator[Iterator[
         Interface of python-can.
     channel : str
         Its channel.
+    clock : Clock, optional
+        Clock of the host; default: that of this machine.
 
     Yields
     ------
@@ -63,7 +68,8 @@ def scans_of(sensor: Sensor, interface: str, channel: str) -> Iterator[Iterator[
         The bus cannot be opened; one line.
     """
     opener = BusOpener(bus_settings(interface, channel, sensor.can), board_frames(sensor))
-    board = Board(sensor, opener, SystemClock(), opener.presence)
+    kind = ListeningBoard if sensor.mapping else Board
+    board = kind(sensor, opener, clock or SystemClock(), opener.presence)
     try:
         board.open()
     except SourceError as error:
