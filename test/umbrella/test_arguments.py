@@ -52,3 +52,28 @@ def test_every_argument_is_described() -> None:
     for argument in ARGUMENTS:
         assert argument.name in text
         assert argument.summary in text
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["can_channel:=/dev/ttyACM0", "can_interface:=slcan"], "source:=can"),
+        (["can_bitrate:=500000"], "source:=can or source:=emulator"),
+        (["replay_file:=grasp.mcap"], "source:=replay"),
+        (["bus_channel:=can0"], "source:=emulator"),
+        (["source:=can", "scene:=hold"], "source:=sim or source:=emulator"),
+        (["source:=replay", "imperfections:=none"], "source:=sim or source:=emulator"),
+        (["source:=emulator", "can_interface:=slcan"], "source:=can"),
+    ],
+)
+def test_an_argument_of_another_source_is_refused_in_one_line(words: list[str], wanted: str) -> None:
+    with pytest.raises(ConfigError, match=rf": needs {wanted}; leave it out with source:=\w+$"):
+        parse(words)
+
+
+def test_a_default_is_an_argument_of_every_source() -> None:
+    """As the launch file gives all arguments to the process, also those that were not given to itself."""
+    words = [f"{name}:={value}" for name, value in defaults().items() if name != "source"]
+    for source in ("sim", "can", "emulator", "replay"):
+        assert parse([*words, f"source:={source}"])["source"] == source
+    assert parse(["source:=can", "replay_rate:=1"])["replay_rate"] == "1"

@@ -99,7 +99,7 @@ def test_a_meaningless_limit_of_uncertainty_is_rejected(params_file: str, value:
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
+        (["bus_interface:=virtual"], "bus_interface: needs source:=emulator; leave it out with source:=sim"),
         (["source:=can", "bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
         (["source:=emulator", "bus_channel:=can0"], "bus_channel: needs a bus_interface"),
     ],

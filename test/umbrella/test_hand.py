@@ -45,10 +45,11 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
     (tmp_path / "thumb.yaml").write_text("", encoding="utf-8")
     thumb, palm = hand(
         tmp_path,
-        "common: {scene: hold, can_bitrate: 500000, can_fd: true, autostart: false, max_relative_uncertainty: 0.5}\n"
+        "common: {source: emulator, scene: hold, can_bitrate: 500000, can_fd: true, autostart: false, "
+        "max_relative_uncertainty: 0.5}\n"
         "sensors:\n- {name: a/thumb, scene: idle, calibration_file: thumb.yaml, serial: '0712'}\n- {name: palm}\n",
     )
-    changed = {"namespace": "palm", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
+    changed = {"namespace": "palm", "source": "emulator", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
     changed |= {"autostart": "false", "max_relative_uncertainty": "0.5"}
     assert palm == {**defaults(), **changed}
     assert thumb == {

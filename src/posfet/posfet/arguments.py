@@ -42,10 +42,29 @@ from posfet_sim.parameters import (
     SCENE,
 )
 
+SIMULATED: Final = ("sim", "emulator")
+"""Sources with the simulated board."""
+DRIVEN: Final = ("can", "emulator")
+"""Sources with the driver."""
+SOURCES_OF: Final = {
+    CAN_INTERFACE.name: ("can",),
+    CAN_CHANNEL.name: ("can",),
+    CAN_BITRATE.name: DRIVEN,
+    SCENE.name: SIMULATED,
+    IMPERFECTIONS.name: SIMULATED,
+    BUS_INTERFACE.name: ("emulator",),
+    BUS_CHANNEL.name: ("emulator",),
+    REPLAY_FILE.name: ("replay",),
+    REPLAY_RATE.name: ("replay",),
+    REPLAY_TOPIC.name: ("replay",),
+}
+"""Sources with which an argument may be given, by its name; one that is not here goes with all."""
 
-def _for(source: str, parameter: Parameter) -> Parameter:
-    """Return a node's parameter as an argument that counts for one source only."""
-    return replace(parameter, description=f"With source:={source}: {parameter.description}")
+
+def _for_sources(parameter: Parameter) -> Parameter:
+    """Return a node's parameter as an argument that goes with some sources only."""
+    sources = " or ".join(SOURCES_OF[parameter.name])
+    return replace(parameter, description=f"With source:={sources}: {parameter.description}")
 
 
 def _optional(parameter: Parameter) -> Parameter:
@@ -80,9 +99,9 @@ ARGUMENTS: Final = (
         "emulated slcan adapter, so that the whole communication link is used), replay (a recording)",
         choices=("sim", "can", "emulator", "replay"),
     ),
-    _for("can", CAN_INTERFACE),
-    _for("can", CAN_CHANNEL),
-    CAN_BITRATE,
+    _for_sources(CAN_INTERFACE),
+    _for_sources(CAN_CHANNEL),
+    _for_sources(CAN_BITRATE),
     CAN_FD,
     NAMESPACE,
     SENSOR_FILE,
@@ -95,13 +114,13 @@ ARGUMENTS: Final = (
     _optional(PARENT_FRAME),
     MOUNT_POSE,
     Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
-    SCENE,
-    IMPERFECTIONS,
-    _for("emulator", BUS_INTERFACE),
-    _for("emulator", BUS_CHANNEL),
-    _for("replay", REPLAY_FILE),
-    _for("replay", REPLAY_RATE),
-    _for("replay", REPLAY_TOPIC),
+    _for_sources(SCENE),
+    _for_sources(IMPERFECTIONS),
+    _for_sources(BUS_INTERFACE),
+    _for_sources(BUS_CHANNEL),
+    _for_sources(REPLAY_FILE),
+    _for_sources(REPLAY_RATE),
+    _for_sources(REPLAY_TOPIC),
     _optional(AUTOSTART),
     _optional(RELIABILITY),
     Parameter("composed", True, "Run all nodes in one process, which is fastest; false: one process for each node"),
@@ -180,7 +199,7 @@ def parse(words: Sequence[str]) -> dict[str, str]:
 
 
 def check(values: dict[str, str]) -> dict[str, str]:
-    """Return `values` if each is an argument with an allowed value; otherwise raise ConfigError, one line."""
+    """Return all arguments if each is known, has an allowed value and goes with the source; ConfigError otherwise."""
     known = {argument.name: argument for argument in ARGUMENTS}
     for name, value in values.items():
         if name not in known:
@@ -194,6 +213,11 @@ def check(values: dict[str, str]) -> dict[str, str]:
             known[name].parse(value)
         except ValueError as error:
             raise ConfigError(f"{name}: {error}") from error
+    source = values["source"]
+    for name, sources in SOURCES_OF.items():
+        if source not in sources and known[name].parse(values[name]) != known[name].default:
+            wanted = " or ".join(f"source:={each}" for each in sources)
+            raise ConfigError(f"{name}: needs {wanted}; leave it out with source:={source}")
     return values
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import given_parameters, node_parameters
+from posfet.arguments import DRIVEN, SIMULATED, given_parameters, node_parameters
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
@@ -59,10 +59,6 @@ NODES: Final = {
     "driver_node": DRIVER_NODE,
     "replay_node": REPLAY_NODE,
 }
-SIMULATED: Final = ("sim", "emulator")
-"""Sources with the simulated board."""
-DRIVEN: Final = ("can", "emulator")
-"""Sources with the driver."""
 """Parameters of each node, by the name of the node."""
 
 
@@ -167,8 +163,6 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
     """Return the parameters of the bus for the driver and for the simulated board."""
     interface, channel = arguments[BUS_INTERFACE.name], arguments[BUS_CHANNEL.name]
     if arguments["source"] != "emulator":
-        if interface or channel:
-            raise ConfigError("bus_interface: needs source:=emulator, the simulated board on a bus")
         return node_parameters(arguments, CAN_INTERFACE, CAN_CHANNEL), {ADAPTER_LINK.name: ""}
     if interface:
         board = node_parameters(arguments, BUS_INTERFACE, BUS_CHANNEL)
