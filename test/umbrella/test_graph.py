@@ -261,3 +261,11 @@ def test_ros_reads_every_text_of_a_parameter_file_as_the_text_that_it_is(tmp_pat
         node.destroy_node()
     finally:
         context.try_shutdown()
+
+
+@pytest.mark.parametrize("key", ["sensor_file", "serial", "can_fd", "can_channel", "can_bitrate", "scene"])
+def test_what_an_argument_overrides_in_any_case_is_refused_in_a_parameter_file(tmp_path: Path, key: str) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text(f"/**:\n  ros__parameters:\n    {key}: '1'\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=rf"{key}: use the argument {key}:=<value>, which overrides it in any case$"):
+        nodes(str(path))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import DRIVEN, SIMULATED, given_parameters, node_parameters
+from posfet.arguments import DRIVEN, SIMULATED, SOURCES_OF, given_parameters, node_parameters
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
@@ -60,6 +60,8 @@ NODES: Final = {
     "replay_node": REPLAY_NODE,
 }
 """Parameters of each node, by the name of the node."""
+ALWAYS_GIVEN: Final = {*(each.name for each in SENSOR), *SOURCES_OF}
+"""Parameters that bring-up gives to its nodes by arguments in any case."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ def check_params_file(path: str, ros: RosArguments) -> None:
                 raise values.error(
                     key, f"unknown parameter, {did_you_mean(key, known)}known are {', '.join(sorted(known))}"
                 )
+            if key in ALWAYS_GIVEN:
+                raise values.error(key, f"use the argument {key}:=<value>, which overrides it in any case")
         section.end()
 
 
