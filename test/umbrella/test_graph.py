@@ -263,9 +263,14 @@ def test_ros_reads_every_text_of_a_parameter_file_as_the_text_that_it_is(tmp_pat
         context.try_shutdown()
 
 
-@pytest.mark.parametrize("key", ["sensor_file", "serial", "can_fd", "can_channel", "can_bitrate", "scene"])
+@pytest.mark.parametrize("key", ["sensor_file", "serial", "can_fd", "can_channel", "can_bitrate", "scene", "seed"])
 def test_what_an_argument_overrides_in_any_case_is_refused_in_a_parameter_file(tmp_path: Path, key: str) -> None:
     path = tmp_path / "parameters.yaml"
     path.write_text(f"/**:\n  ros__parameters:\n    {key}: '1'\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=rf"{key}: use the argument {key}:=<value>, which overrides it in any case$"):
         nodes(str(path))
+
+
+def test_the_seed_is_that_of_the_simulated_board(params_file: str) -> None:
+    assert nodes(params_file)["sim_board_node"].parameters["seed"] == 0
+    assert nodes(params_file, "seed:=7")["sim_board_node"].parameters["seed"] == 7

@@ -15,7 +15,7 @@ import pytest
 
 from posfet.arguments import check, defaults
 from posfet.graph import graph
-from posfet.hand import read_hand
+from posfet.hand import read_hand, seed_of
 from posfet_model.config import ConfigError
 from support.paths import SOURCES
 
@@ -51,10 +51,11 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
     )
     changed = {"namespace": "palm", "source": "emulator", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
     changed |= {"autostart": "false", "max_relative_uncertainty": "0.5"}
-    assert palm == {**defaults(), **changed}
+    assert palm == {**defaults(), **changed, "seed": str(seed_of("palm"))}
     assert thumb == {
         **palm,
         "namespace": "a/thumb",
+        "seed": str(seed_of("a/thumb")),
         "scene": "idle",
         "serial": "0712",
         "calibration_file": str(tmp_path / "thumb.yaml"),
@@ -88,3 +89,15 @@ def test_what_does_not_fit_is_refused_in_one_line(tmp_path: Path, text: str, rea
     assert str(caught.value).startswith(f"{tmp_path / 'hand.yaml'}: ")
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_simulated_sensors_are_boards_of_their_own_and_real_ones_have_no_seed(tmp_path: Path) -> None:
+    assert len({sensor["seed"] for sensor in read_hand(SHIPPED)}) == 6
+    assert [sensor["seed"] for sensor in read_hand(SHIPPED)] == [sensor["seed"] for sensor in read_hand(SHIPPED)]
+    text = "common: {source: SOURCE}\nsensors:\n- {name: a}\n- {name: b, seed: 7}\n"
+    assert [each["seed"] for each in hand(tmp_path, text.replace("SOURCE", "sim"))] == [str(seed_of("a")), "7"]
+    assert [each["seed"] for each in hand(tmp_path, "common: {source: can}\nsensors: [{name: a}, {name: b}]")] == [
+        "0"
+    ] * 2
+    with pytest.raises(ConfigError, match=r"sensors\[1\]: 'b': seed: needs source:=sim or source:=emulator"):
+        hand(tmp_path, text.replace("SOURCE", "can"))

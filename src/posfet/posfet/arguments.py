@@ -40,6 +40,7 @@ from posfet_sim.parameters import (
     REPLAY_RATE,
     REPLAY_TOPIC,
     SCENE,
+    SEED,
 )
 
 SIMULATED: Final = ("sim", "emulator")
@@ -52,6 +53,7 @@ SOURCES_OF: Final = {
     CAN_BITRATE.name: DRIVEN,
     SCENE.name: SIMULATED,
     IMPERFECTIONS.name: SIMULATED,
+    SEED.name: SIMULATED,
     BUS_INTERFACE.name: ("emulator",),
     BUS_CHANNEL.name: ("emulator",),
     REPLAY_FILE.name: ("replay",),
@@ -116,6 +118,7 @@ ARGUMENTS: Final = (
     Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
     _for_sources(SCENE),
     _for_sources(IMPERFECTIONS),
+    _for_sources(SEED),
     _for_sources(BUS_INTERFACE),
     _for_sources(BUS_CHANNEL),
     _for_sources(REPLAY_FILE),

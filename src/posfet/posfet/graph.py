@@ -49,6 +49,7 @@ from posfet_sim.parameters import (
     REPLAY_RATE,
     REPLAY_TOPIC,
     SCENE,
+    SEED,
     SIM_BOARD_NODE,
 )
 from posfet_sim.scene import load_scene
@@ -236,7 +237,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     model |= given_parameters(arguments, CALIBRATION_FOLDER, MAX_RELATIVE, TOUCH_AT_START)
     nodes = [node("posfet_model", "model_node", model)]
     if source in SIMULATED:
-        board = node_parameters(arguments, SCENE, IMPERFECTIONS)
+        board = node_parameters(arguments, SCENE, IMPERFECTIONS, SEED)
         nodes.append(node("posfet_sim", "sim_board_node", {**frame, **board, **board_bus}))
     if source == "replay":
         recording = node_parameters(arguments, REPLAY_FILE, REPLAY_RATE, REPLAY_TOPIC)

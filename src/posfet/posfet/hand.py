@@ -9,14 +9,17 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import ARGUMENTS, NAMESPACE, check, defaults, written_as
+from posfet.arguments import ARGUMENTS, NAMESPACE, SIMULATED, check, defaults, written_as
 from posfet_model._lib.shown import shown
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, Section, is_there, read_yaml
+from posfet_sim.defaults import SEED_MAX
+from posfet_sim.parameters import SEED
 
 _FILES: Final = ("sensor_file", "calibration_file", "params_file", "scene", "imperfections", "replay_file")
 """Arguments that may be paths, relative to the folder of the hand file."""
@@ -31,7 +34,8 @@ def read_hand(path: str | Path) -> list[dict[str, str]]:
     ----------
     path : str or Path
         YAML file: `name`, the namespace of the hand; `common`, arguments of all sensors; `sensors`, a list with the
-        `name` of each, which is its namespace below that of the hand, and with arguments of its own.
+        `name` of each, which is its namespace below that of the hand, and with arguments of its own. A simulated
+        board without a `seed` gets one by its namespace.
 
     Returns
     -------
@@ -54,7 +58,10 @@ def read_hand(path: str | Path) -> list[dict[str, str]]:
         own = _arguments(section, folder)
         try:
             namespace = checked_namespace("/".join(filter(None, (hand, name))))
-            sensors.append(check({**defaults(), **common, **own, NAMESPACE.name: namespace}))
+            values = {**defaults(), **common, **own, NAMESPACE.name: namespace}
+            if values["source"] in SIMULATED and SEED.name not in {*common, *own}:
+                values[SEED.name] = str(seed_of(namespace))
+            sensors.append(check(values))
         except ConfigError as error:
             raise section.error("", f"'{name}': {error}") from error
     top.end()
@@ -66,6 +73,11 @@ def read_hand(path: str | Path) -> list[dict[str, str]]:
             if count > 1:
                 raise top.error("sensors", f"{count} of them have the {argument} '{value}': each needs its own")
     return sensors
+
+
+def seed_of(namespace: str) -> int:
+    """Return the seed of the simulated board of a namespace: no two sensors of a hand are the same board."""
+    return zlib.crc32(namespace.encode()) % (SEED_MAX + 1)
 
 
 def _arguments(section: Section, folder: Path) -> dict[str, str]:
