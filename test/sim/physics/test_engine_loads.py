@@ -129,3 +129,11 @@ def test_the_example_in_the_documentation_runs() -> None:
     results = doctest.testmod(engine_loads)
     assert results.attempted >= 5
     assert results.failed == 0
+
+
+def test_objects_are_those_of_the_newest_state_up_to_a_time() -> None:
+    loads = EngineLoads(SENSOR)
+    loads.push(1.0, [EngineContact("ball", (0.0, 0.0), 1.0, BALL)])
+    loads.push(1.1, [EngineContact("ball", (1e-3, 0.0), 2.0, BALL)])
+    for time, forces in ((0.5, []), (1.0, [1.0]), (1.05, [1.0]), (1.1 - 1e-10, [2.0]), (1.1, [2.0]), (1.2, [2.0])):
+        assert loads.objects(time).contact_forces.tolist() == forces, time

@@ -15,7 +15,7 @@ taxels do not measure them.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import RLock
@@ -210,8 +210,8 @@ class EngineLoads:
     def objects(self, time: float) -> ObjectsState:
         """Return the contacts of the newest state up to a time [s] as ground truth; objects have no height."""
         with self._lock:
-            index = bisect_left(self._states, time, key=lambda state: state.time)
-            state = self._states[min(index, len(self._states) - 1)]
+            index = bisect_right(self._states, time + TIME_ERROR, key=lambda state: state.time) - 1
+            state = self._states[max(index, 0)]
         contacts = [each for each in state.contacts if each.force > 0]
         count = len(contacts)
         half = np.array([each.angle / 2 for each in contacts])
