@@ -118,3 +118,9 @@ def test_the_support_is_withdrawn_and_the_texture_shows_only_while_sliding() -> 
     for _ in range(round(LIFT_DURATION / PERIOD)):
         mechanics.step(PERIOD)
     assert mechanics.load == pytest.approx(0.1 * GRAVITY)
+
+
+def test_what_is_added_later_does_not_slow_a_fall() -> None:
+    grasped = replace(OBJECT, lift_time=-LIFT_DURATION, growth=0.4, growth_time=0.01)
+    for duration in (0.01, 0.02, 0.6):  # before, while and after it grows
+        assert grasp(0.0, grasped, duration).velocity == pytest.approx(GRAVITY * duration)

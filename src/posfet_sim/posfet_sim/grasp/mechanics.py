@@ -122,8 +122,14 @@ class GraspMechanics:
         """Tangential force T that the fingertips carry together if nothing slips [N]."""
         grasped = self.grasped
         lifted = min(max((self.time - grasped.lift_time) / LIFT_DURATION, 0.0), 1.0)
+        return lifted * self.mass * GRAVITY
+
+    @property
+    def mass(self) -> float:
+        """Mass with what was added so far [kg]."""
+        grasped = self.grasped
         grown = min(max((self.time - grasped.growth_time) / GROWTH_DURATION, 0.0), 1.0)
-        return lifted * self._mass(grown) * GRAVITY
+        return grasped.mass * (1.0 + grasped.growth * grown)
 
     @property
     def lifted(self) -> bool:
@@ -178,9 +184,5 @@ class GraspMechanics:
         if self.velocity == 0.0 and load <= FINGERS * grasped.static_friction * self.force:
             return
         friction = FINGERS * grasped.kinetic_friction * self.force
-        self.velocity = max(self.velocity + duration * (load - friction) / self._mass(1.0), 0.0)
+        self.velocity = max(self.velocity + duration * (load - friction) / self.mass, 0.0)
         self.slip += self.velocity * duration
-
-    def _mass(self, grown: float) -> float:
-        """Return the mass [kg] after this part of the growth [1]."""
-        return self.grasped.mass * (1.0 + self.grasped.growth * grown)
