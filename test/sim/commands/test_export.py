@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -21,12 +23,15 @@ pytest.importorskip("mcap", reason="recordings need the package mcap")
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.commands.export import BAD_INPUT, main
 from posfet_sim.recording.columns import Columns
+from posfet_sim.recording.export import Export
 from posfet_sim.recording.mcap_file import MessageFile
+from posfet_sim.recording.mcap_reader import Topic
 from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.recording.ros2msg import parse_schema
 from support.paths import DATA
 
 STORED = DATA / "recording" / "posfet_0.2.0.mcap"
+ROWS = Export.rows
 INNER = "=====\nMSG: a/Inner\nuint8 key\n=====\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 
 
@@ -87,7 +92,7 @@ def test_what_can_be_read_of_a_damaged_recording_is_exported(
         ([str(STORED), "x.txt"], "x.txt: must end in .npz, .h5, .hdf5, .parquet"),
         (["none.mcap", "x.npz"], "none.mcap: no such file"),
         ([str(STORED), "x.npz", "--topics", "image"], "has no topic image, but /tactile/raw"),
-        ([str(STORED), "none/x.npz"], "none/x.npz: cannot be written: No such file or directory"),
+        ([str(STORED), "none/x.npz"], "none/x.npz: cannot be written: none is not a folder"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -142,3 +147,34 @@ def serialise_by_hand(values: dict[str, list[object]]) -> bytes:
     """The message of two numbers and one inner message."""
     assert values == {"many": [1, 2], "inner": [{"key": 3}]}
     return b"\2\0\0\0\1\0\2\0\1\0\0\0\3"
+
+
+def interrupted(self: Export, at: Callable[[int], object]) -> Iterator[tuple[Topic, int, dict[str, Any]]]:
+    """As `Export.rows`, with an interrupt after the first message."""
+    yield next(ROWS(self, at))
+    raise KeyboardInterrupt
+
+
+def half_written(stream: BinaryIO, **_: np.ndarray) -> None:
+    """As `numpy.savez_compressed`, with an interrupt after the first bytes."""
+    stream.write(b"PK")
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("suffix", "package"), [("npz", "numpy"), ("h5", "h5py"), ("parquet", "pyarrow")])
+def test_an_interrupted_export_leaves_the_file_that_was_there(
+    suffix: str, package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip(package)
+    out = tmp_path / f"x.{suffix}"
+    words = [str(STORED), str(out), "--topics", "raw"]
+    assert main(words) == 0
+    before = out.read_bytes()
+    if suffix == "npz":
+        monkeypatch.setattr(np, "savez_compressed", half_written)
+    else:
+        monkeypatch.setattr(Export, "rows", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        main(words)
+    assert out.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [out]

@@ -9,12 +9,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from posfet_model.calibration.calibration_file import check_writable
 from posfet_model.config import ConfigError
 from posfet_sim.recording.columns import Columns
 from posfet_sim.recording.mcap_reader import Recording, Topic
@@ -120,6 +123,20 @@ def to_arrays(export: Export, at: Callable[[int], object] = lambda _: None) -> d
     return arrays
 
 
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """Yield the path of a file beside this one, which it replaces once it is whole; otherwise it is removed."""
+    part = check_writable(path).with_name(f".posfet-{os.urandom(8).hex()}")
+    try:
+        yield part
+        os.replace(part, path)
+    except BaseException as error:
+        part.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # of the file that was asked for
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        raise
+
+
 def write_npz(path: Path, export: Export, at: Callable[[int], object]) -> list[Path]:
     """Write one .npz file and return its path; `numpy.load` reads it without pickles.
 
@@ -132,9 +149,8 @@ def write_npz(path: Path, export: Export, at: Callable[[int], object]) -> list[P
     at : callable
         Called with the position in the file [byte] now and then.
     """
-    arrays = to_arrays(export, at)
-    with path.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    with _replacing(path) as part, part.open("wb") as stream:
+        np.savez_compressed(stream, **to_arrays(export, at))
     return [path]
 
 
@@ -151,7 +167,7 @@ def write_hdf5(path: Path, export: Export, at: Callable[[int], object]) -> list[
         Called with the position in the file [byte] now and then.
     """
     h5py = _package("h5py", path)
-    with h5py.File(path, "w") as file:
+    with _replacing(path) as part, h5py.File(part, "w") as file:
         for name, array in to_arrays(export, at).items():
             text = array.dtype.kind == "U"
             file.create_dataset(
@@ -185,23 +201,22 @@ def write_parquet(path: Path, export: Export, at: Callable[[int], object]) -> li
         writers[name].write_table(table)
         rows[name].clear()
 
-    try:
+    with ExitStack() as files, ExitStack() as opened:  # closed first
         for topic, time, values in export.rows(at):
             name = topic.name
             if name not in writers:
                 schemas[name] = _arrow_schema(arrow, parse_schema(topic.type, topic.schema), topic.type)
                 one = len(export.topics) == 1
                 paths[name] = path if one else path.with_suffix(f".{name.strip('/').replace('/', '.')}{path.suffix}")
-                writers[name] = parquet.ParquetWriter(paths[name], schemas[name])
+                part = files.enter_context(_replacing(paths[name]))
+                writers[name] = parquet.ParquetWriter(part, schemas[name])
+                opened.callback(writers[name].close)
                 rows[name] = []
             rows[name].append({"recorded_ns": time, **values})
             if len(rows[name]) == BATCH:
                 flush(name)
         for name in writers:
             flush(name)
-    finally:
-        for writer in writers.values():
-            writer.close()
     return list(paths.values())
 
 
