@@ -27,7 +27,8 @@ MISSING = "the Python package mcap is missing. Install with: pip install mcap"
 
 
 def factor(scene: str, path: Path, seconds: float) -> float:
-    """Return the simulated time over the processor time of a run."""
+    """Return the simulated time over the processor time of a run; a file of the run before is removed."""
+    path.unlink(missing_ok=True)
     begin = time.process_time()
     with contextlib.redirect_stdout(io.StringIO()):
         code = main([scene, "--out", str(path), "--for", f"{seconds:g}"])

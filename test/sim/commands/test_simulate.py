@@ -273,3 +273,13 @@ def test_a_terminal_shows_a_progress_bar(
     output = capsys.readouterr()
     assert "[/red]" in output.err
     assert "500 scans" in output.out
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_a_file_is_never_overwritten(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"run{suffix}"
+    path.write_text("a recording", encoding="utf-8")
+    assert main([SCENE, "--out", str(path), "--for", "0.5"]) == BAD_INPUT
+    expected = f"{path}: cannot be written: File exists; choose another name, or remove it\n"
+    assert capsys.readouterr().err == expected
+    assert path.read_text(encoding="utf-8") == "a recording"

@@ -145,10 +145,12 @@ def make_recorder(path: Path, sensor: Sensor, objects: Sequence[str], namespace:
     Raises
     ------
     ConfigError
-        The suffix is unknown, or the package mcap or a message definition is missing.
+        The suffix is unknown, there is such a file, or the package mcap or a message definition is missing.
     OSError
         The file cannot be created.
     """
+    if path.is_file():
+        raise ConfigError(f"{path}: cannot be written: File exists; choose another name, or remove it")
     if path.suffix == ".csv":
         return CsvRecorder(path, sensor, objects)
     if path.suffix == ".mcap":
