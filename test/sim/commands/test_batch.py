@@ -139,6 +139,8 @@ def test_a_missing_package_is_one_line(
         (["press", "nowhere"], "nowhere"),
         (["press", "tap", "--out", "a.txt"], "a.txt: must end in .csv, .json"),
         (["press", "tap", "--sensor", "nowhere"], "nowhere"),
+        (["press", "tap", "--out", "nowhere/a.csv"], "nowhere/a.csv: cannot be written: nowhere is not a folder"),
+        (["press", "tap", "--calibration", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
     ],
 )
 def test_bad_input_is_one_line_before_any_run(

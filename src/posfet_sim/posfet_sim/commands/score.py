@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from posfet_model.calibration.calibration_file import load_calibration
+from posfet_model.calibration.calibration_file import check_writable, load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import BAD_INPUT
 from posfet_model.config import ConfigError
@@ -223,8 +223,12 @@ def _table(cases: Sequence[Case], options: argparse.Namespace) -> None:
     out = options.out
     if out is not None and out.suffix not in FORMATS:
         raise ConfigError(f"{out}: must end in {', '.join(FORMATS)}")
-    for case in cases:
-        prepared(case)  # bad input is reported before the work begins
+    if out is not None:
+        check_writable(out)
+    for case in cases:  # bad input is reported before the work begins
+        sensor = prepared(case).sensor
+        if case.calibration not in {None, UNCALIBRATED}:
+            load_calibration(case.calibration, sensor)
     begin = time.monotonic()
     with progress(f"{len(cases)} runs", len(cases)) as at:
         scores = results(attempt, cases, options.jobs, options.dask, at)
