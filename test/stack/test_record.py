@@ -9,6 +9,9 @@
 
 from __future__ import annotations
 
+import gc
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,7 +29,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 
-from posfet.record import Recorder, RecorderNode, main
+from posfet.record import WITH_INPUT, Recorder, RecorderNode, main
 from posfet_model.config import ConfigError
 from posfet_msgs.msg import TactileInfo, TactileRaw
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
@@ -234,3 +237,46 @@ def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_agai
     result = bringup("source:=replay", f"replay_file:={path}", "replay_rate:=0.0")
     assert result.returncode == 0, result.stderr
     assert f", {counts['/tactile/raw']} scans, " in result.stdout
+
+
+def test_a_recorder_ends_with_the_input_that_the_program_holds_open(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "posfet.record", WITH_INPUT, str(tmp_path / "x.mcap")]
+    run = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+    assert run.returncode == 1
+    assert run.stderr.startswith("no message on ")
+
+
+def test_a_recorder_that_is_dropped_ends(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "x.mcap", ["nobody"])
+    recorder.start()
+    process = recorder._process
+    assert process is not None
+    del recorder
+    gc.collect()
+    assert process.wait(TIMEOUT) is not None
+
+
+def test_a_recorder_is_a_context_manager(tmp_path: Path, context: Context) -> None:
+    path = tmp_path / "x.mcap"
+    talker = rclpy.create_node("talker", context=context)
+    raw = talker.create_publisher(
+        TactileRaw, "/left/raw", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    raw.publish(TactileRaw(sequence=7))
+    try:
+        with Recorder(path, ["left"], ["raw"]) as recorder:
+            end = time.monotonic() + TIMEOUT
+            while not raw.get_subscription_count():
+                assert recorder.running
+                assert time.monotonic() < end
+                time.sleep(0.02)
+            raw.publish(TactileRaw(sequence=8))
+            raw.wait_for_all_acked()
+    finally:
+        talker.destroy_node()
+    assert not recorder.running
+    assert Recording(path).overview().counts["/left/raw"] >= 1
+    with pytest.raises(KeyError), Recorder(tmp_path / "y.mcap", ["nobody"]):
+        raise KeyError

@@ -11,13 +11,18 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import weakref
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Final
 
 from rclpy.qos import QoSProfile
@@ -40,6 +45,8 @@ SHOW_PERIOD: Final = 0.25
 """Period at which the progress is shown [s]."""
 STOP_TIMEOUT: Final = 20.0
 """Time for a recording process to end [s]."""
+WITH_INPUT: Final = "--end-with-input"
+"""Option of a recording process that ends with its standard input, and so with the program that started it."""
 FIRST_MESSAGE: Final = 10.0
 """Time to wait for the first message [s], and longer where the recording is to last longer: a busy machine takes some
 seconds to find the topics."""
@@ -121,6 +128,9 @@ def _offered_text(offered: Sequence[Any]) -> str:
 class Recorder:
     """A recording that a program starts and stops, in a process of its own: it takes no time from the caller's threads.
 
+    A context manager starts it and stops it. It ends, and its file is whole, also when the program ends without `stop`,
+    however that ends, or drops the recorder.
+
     Parameters
     ----------
     path : str or Path
@@ -142,6 +152,17 @@ class Recorder:
         self.path = Path(path)
         self._words = [str(self.path), "--namespace", *namespaces, *(["--topics", *topics] if topics else [])]
         self._process: subprocess.Popen[str] | None = None
+        self._dropped: weakref.finalize[..., Recorder] | None = None
+
+    def __enter__(self) -> Recorder:
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self._process is None:
+            return
+        with suppress(*((ConfigError,) if kind else ())):  # the first error counts
+            self.stop()
 
     def start(self) -> None:
         """Begin to record; ConfigError, one line, if the file exists or a recording is running already."""
@@ -149,9 +170,12 @@ class Recorder:
             raise ConfigError(f"{self.path}: is being recorded already")
         if self.path.exists():
             raise ConfigError(f"{self.path}: cannot be written: File exists; choose another name, or remove it")
-        command = [sys.executable, "-m", "posfet.record", *self._words]
+        command = [sys.executable, "-m", "posfet.record", WITH_INPUT, *self._words]
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+        self._process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+        )
+        self._dropped = weakref.finalize(self, _end, self._process)
 
     @property
     def running(self) -> bool:
@@ -163,6 +187,8 @@ class Recorder:
         process, self._process = self._process, None
         if process is None:
             raise ConfigError(f"{self.path}: is not being recorded")
+        if self._dropped is not None:
+            self._dropped.detach()
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         try:
@@ -176,6 +202,25 @@ class Recorder:
         if process.returncode:
             raise ConfigError(errors.strip().splitlines()[-1] if errors.strip() else f"{self.path}: recording failed")
         return output.strip()
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Let a recording process end, by the end of its standard input; what it says is lost."""
+    with suppress(subprocess.TimeoutExpired):
+        process.communicate(timeout=STOP_TIMEOUT)
+
+
+def _end_of_input() -> threading.Event:
+    """Return an event that is set at the end of the standard input."""
+    ended = threading.Event()
+
+    def wait() -> None:
+        while os.read(0, 4096):
+            pass
+        ended.set()
+
+    threading.Thread(target=wait, daemon=True).start()
+    return ended
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -200,6 +245,7 @@ def _record(path: Path, options: argparse.Namespace) -> int:
     if path.suffix != ".mcap":
         raise ConfigError(f"{path}: must end in .mcap")
     namespaces = [checked_namespace(name) for name in options.namespace]
+    ended = _end_of_input() if options.end_with_input else threading.Event()
     file = MessageFile(path, "posfet record")
     try:
         with ros([]) as stack:
@@ -213,7 +259,8 @@ def _record(path: Path, options: argparse.Namespace) -> int:
                     now = time.monotonic()
                     display.update(now)
                     end = patience if node.begin is None else node.begin + options.seconds
-                    return now >= end or bool(node.failure) or file.size >= options.max_size * 1e6
+                    full = bool(node.failure) or file.size >= options.max_size * 1e6
+                    return now >= end or full or ended.is_set()
 
                 spin([node], until=over)
             node.read()
@@ -288,6 +335,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--for", dest="seconds", type=positive, default=math.inf, help="stop so many seconds after the first message"
     )
     parser.add_argument("--max-size", type=positive, default=math.inf, metavar="MB", help="stop at this size [MB]")
+    parser.add_argument(WITH_INPUT, action="store_true", help=argparse.SUPPRESS)
     return parser
 
 
