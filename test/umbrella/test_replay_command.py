@@ -81,6 +81,8 @@ def test_contacts_follow_the_parameters_and_the_calibration(tmp_path: Path, caps
         ([str(STORED), "max_relative_uncertainty:=best"], "max_relative_uncertainty: must be a number"),
         ([str(STORED), "sensor_file:=posfet_16x16"], "give the sensor file that they were recorded with"),
         ([str(STORED), "calibration_file:=none.yaml"], "none.yaml"),
+        ([str(STORED), "display_rate:=5.0"], "display_rate:=5.0: with --out an argument must be name:=value of "),
+        ([str(STORED), "namespace:=a", "namespace:=b"], "namespace: is given twice"),
         ([str(STORED), "replay_topic:=x"], "has no scans on /x, but on /tactile/raw"),
     ],
 )

@@ -21,6 +21,7 @@ from posfet_model.command_line import BAD_INPUT, checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.parameters import (
     CALIBRATION_FILE,
+    DISPLAY_RATE,
     FRAME_ID,
     MAX_RELATIVE,
     SENSOR_FILE,
@@ -46,7 +47,8 @@ CONTACTS: Final = "posfet_msgs/TactileContacts"
 IMAGE: Final = "posfet_msgs/TactileImage"
 TRUTH: Final = "posfet_msgs/TactileTruth"
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of the topics in the file")
-TO_FILE: Final = (NAMESPACE, SENSOR_FILE, SERIAL, CALIBRATION_FILE, FRAME_ID, MAX_RELATIVE, *TUNING, REPLAY_TOPIC)
+_OF_MODEL: Final = tuple(each for each in TUNING if each is not DISPLAY_RATE)
+TO_FILE: Final = (NAMESPACE, SENSOR_FILE, SERIAL, CALIBRATION_FILE, FRAME_ID, MAX_RELATIVE, *_OF_MODEL, REPLAY_TOPIC)
 """Arguments of a replay into a file."""
 
 
@@ -88,16 +90,18 @@ def arguments(words: Sequence[str]) -> dict[str, Scalar]:
         Words `name:=value`.
     """
     known = {argument.name: argument for argument in TO_FILE}
-    values: dict[str, Scalar] = {name: _default(argument) for name, argument in known.items()}
+    given: dict[str, Scalar] = {}
     for word in words:
         name, separator, text = word.partition(":=")
         if not separator or name not in known:
             raise ConfigError(f"{word}: with --out an argument must be name:=value of {', '.join(known)}")
+        if name in given:
+            raise ConfigError(f"{name}: is given twice")
         try:
-            values[name] = known[name].parse(text)
+            given[name] = known[name].parse(text)
         except ValueError as error:
             raise ConfigError(f"{name}: {error}") from error
-    return values
+    return {name: _default(argument) for name, argument in known.items()} | given
 
 
 def _default(argument: Parameter) -> Scalar:
