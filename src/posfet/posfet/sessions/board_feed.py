@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -167,7 +168,7 @@ def emulated_feed(sensor: Sensor, scene: str, seed: int, error_model: ErrorModel
     timeout : float
         Longest time without a scan [s].
     """
-    truths: dict[int, GroundTruth] = {}
+    truths: OrderedDict[int, GroundTruth] = OrderedDict()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="posfet-"))
         channel = str(Path(folder) / "can0")
@@ -176,7 +177,7 @@ def emulated_feed(sensor: Sensor, scene: str, seed: int, error_model: ErrorModel
 
         def keep(scan: Scan, _stamp: int) -> None:
             if len(truths) >= KEPT_TRUTHS:
-                truths.clear()
+                truths.popitem(last=False)  # the scan was lost, or is read later than all others
             truths[scan.sequence] = ground_truth(peer.board.truth(), scan.sequence, sensor.layout)
 
         peer.on_scan = keep
