@@ -90,8 +90,8 @@ class SimulatedBoard:
     Only what the loads require is computed. Taxels without charge are inactive and cost only their conversion. While
     the loads are constant, the charge is advanced in one step when it is next read, and after its decay (30 time
     constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 under constant
-    loads): the first one of a batch takes the time, or `prepare` before it. Loads that are `live` are never asked for
-    the time of a scan before that is read.
+    loads while no taxel has charge): the first one of a batch takes the time, or `prepare` before it. Loads that are
+    `live` are never asked for the time of a scan before that is read.
 
     A film with effects of its own (`ErrorModel.film`) never rests: every taxel is computed in every scan.
 
