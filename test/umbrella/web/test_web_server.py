@@ -299,3 +299,8 @@ def test_a_stream_goes_on_after_a_restart(sensor: FakeSensor) -> None:
     with WebServer([sensor.viewed], TOKEN, port) as again:
         assert again.link == f"http://127.0.0.1:{port}/?token={TOKEN}"
         assert first(stream(again), "frame")
+
+
+def test_an_address_that_is_none_is_refused(server: WebServer) -> None:
+    response = ask(server, "http://[", headers={"Host": f"127.0.0.1:{server.guard.port}"})
+    assert (response.status, response.read()) == (400, b"malformed request")

@@ -132,7 +132,11 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send a file of the page, or the stream."""
-        parts = urlsplit(self.path)
+        try:
+            parts = urlsplit(self.path)
+        except ValueError:  # an address that is none
+            self._answer(HTTPStatus.BAD_REQUEST, "malformed request")
+            return
         token = parse_qs(parts.query).get("token", [""])[0]
         streaming = parts.path == "/stream"
         if self._refused(token, streaming):
