@@ -99,11 +99,12 @@ export class Chip3d {
   /** Uploads what does not change: where each taxel is. */
   prepare(array) {
     this.array = array;
+    if (!array) return;
     this.size = Math.max(array.cols * array.pitch[0], array.rows * array.pitch[1]);
     const { point } = placed(array, (array.cols / 2) * array.pitch[0], (array.rows / 2) * array.pitch[1]);
     this.lift = -0.02 - (0.5 * point[2]) / this.size; // the middle of bars and arrows in the middle of the picture
     const { gl } = this;
-    if (!gl || !array) return;
+    if (!gl) return;
     this.program = linked(gl);
     gl.bindVertexArray(gl.createVertexArray());
     const { corners, shades, count } = box();
