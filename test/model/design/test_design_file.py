@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 
 from posfet_model.config import ConfigError
 from posfet_model.design import report
-from posfet_model.design.design_file import FOLDER, DesignFile, fields_table, load_design, shipped
+from posfet_model.design.design_file import FOLDER, DesignFile, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import run_sweep
 from posfet_model.design.tolerance import Tolerance, run_tolerance
@@ -267,6 +268,19 @@ def test_an_unknown_name_lists_the_shipped_designs() -> None:
     ):
         load_design("nothing")
     assert {path.suffix for path in FOLDER.iterdir()} == {".yaml"}
+
+
+def fields_table() -> list[tuple[str, str, str, str, str]]:
+    """Return the keys of a design file: key, default, unit, plausible range, meaning with its source."""
+    rows = []
+    for item in dataclasses.fields(PosfetDesign):
+        if "quantity" not in item.metadata:
+            continue
+        of, plausible = item.metadata["quantity"], item.metadata["plausible"]
+        span = f"{'+-' if plausible.signed else ''}{plausible.low:g} to {plausible.high:g}"
+        source = f"{'assumed: ' if of.assumed else ''}{of.source}"
+        rows.append((item.name, f"{of.value:.6g}", of.unit, span, f"{of.name} ({source})"))
+    return rows
 
 
 def test_every_key_is_documented_with_default_unit_and_range() -> None:

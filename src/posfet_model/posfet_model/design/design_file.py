@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -182,19 +181,6 @@ def read_number(section: Section, key: str, plausible: Plausible, value: object)
         return float(plausible.array("", number))
     except (ValueError, OverflowError) as error:
         raise section.error(key, str(error).strip()) from None
-
-
-def fields_table() -> list[tuple[str, str, str, str, str]]:
-    """Return the keys of a design file: key, default, unit, plausible range, meaning with its source."""
-    rows = []
-    for item in dataclasses.fields(PosfetDesign):
-        if "quantity" not in item.metadata:
-            continue
-        of, plausible = item.metadata["quantity"], item.metadata["plausible"]
-        span = f"{'+-' if plausible.signed else ''}{plausible.low:g} to {plausible.high:g}"
-        source = f"{'assumed: ' if of.assumed else ''}{of.source}"
-        rows.append((item.name, f"{of.value:.6g}", of.unit, span, f"{of.name} ({source})"))
-    return rows
 
 
 def _measured(section: Section, *, alone: bool) -> tuple[dict[str, float], dict[str, Any]]:

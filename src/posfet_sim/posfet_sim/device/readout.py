@@ -34,7 +34,7 @@ from posfet_sim.device.interference import Interference
 from posfet_sim.device.mains_hum import MainsHum
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_variation import TaxelParameters, TaxelStatus
-from posfet_sim.device.white_noise import DrawnNoise, TabulatedNoise
+from posfet_sim.device.white_noise import DrawnNoise, TabulatedNoise, WhiteNoise
 
 BLOCK: Final = 64
 """Scans whose noise, and whose codes without charge, are computed at once."""
@@ -95,7 +95,8 @@ class Readout:
         margin = 40 * self._white_lsb.max()
         self._clips = self._rails[0] < margin or self._rails[1] > self._top - margin
         self._flicker_lsb = math.sqrt(flicker) / self._lsb
-        self._noise = (DrawnNoise if taxels <= SMALL_ARRAY else TabulatedNoise)(seed, BLOCK, taxels)
+        kind = DrawnNoise if taxels <= SMALL_ARRAY else TabulatedNoise
+        self._noise: WhiteNoise = kind(seed, BLOCK, taxels)
         self._flicker = FlickerNoise(seed, taxels, BLOCK) if flicker else None
         self._delay: Array | None = None
         self._hum: MainsHum | None = None
