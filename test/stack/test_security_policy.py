@@ -9,7 +9,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -22,12 +25,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from posfet.display_node import display_node
+from posfet.record import RecorderNode
 from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
+from posfet.web.recording import TOPICS
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.ros.model_node import ModelNode
+from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.ros.replay_node import ReplayNode
 from posfet_sim.ros.sim_board_node import SimBoardNode
+from support.expectations import TIMEOUT
 from support.paths import DATA, DOCS, ROOT
 
 pytestmark = pytest.mark.ros
@@ -144,3 +151,31 @@ def test_the_page_on_security_names_every_service_of_the_stack() -> None:
     for service in ("tare", "command", "calibration/load", "calibration/save", "scene/load", "change_state"):
         assert service in page
         assert any(name.endswith(f"/{service}") for name in allowed("/tactile", "reply"))
+
+
+def test_a_recording_from_the_browser_may_do_all_that_it_does(tmp_path: Path) -> None:
+    pytest.importorskip("mcap", reason="recordings need the package mcap")
+    rclpy.init()
+    nodes = [make_others(kind)()[0] for kind in (ModelNode, DriverNode)]  # publish what is recorded
+    file = MessageFile(tmp_path / "x.mcap", "test")
+    recorder = RecorderNode(file, ["tactile"], TOPICS)
+    try:
+        end = time.monotonic() + TIMEOUT
+        while len(recorder.subscribed) < len(TOPICS):
+            assert time.monotonic() < end, recorder.subscribed
+            recorder._discover()
+            time.sleep(0.02)
+        for name in (recorder.get_name(), f"{recorder.get_name()}_topics"):
+            for rule, found in (
+                ("publish", recorder.get_publisher_names_and_types_by_node(name, "/")),
+                ("subscribe", recorder.get_subscriber_names_and_types_by_node(name, "/")),
+                ("reply", recorder.get_service_names_and_types_by_node(name, "/")),
+                ("request", recorder.get_client_names_and_types_by_node(name, "/")),
+            ):
+                rules = allowed("/tactile", rule)
+                assert [used for used, _ in found if not any(fnmatchcase(used, each) for each in rules)] == []
+    finally:
+        file.close()
+        for node in (*nodes, recorder):
+            node.destroy_node()
+        rclpy.shutdown()
