@@ -395,6 +395,43 @@ def test_a_command_is_repeated_as_soon_whatever_period_the_board_states_meanwhil
     assert len(bench.link.commands) >= 4  # IDENTIFY, every 0.2 s
 
 
+def lose_one_response(bench: Bench, command: Command) -> None:
+    """Read until the board has got a command, whose response is lost."""
+    bench.link.commands.clear()
+    bench.link.change = {command: None}
+    while command not in [request.command for request in bench.link.commands]:
+        bench.board.read(0.01)
+    bench.link.change = {}
+
+
+@BOTH
+def test_another_board_is_noticed_though_scans_flow_and_one_response_is_lost(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.link.board.layout_id = 9
+    lose_one_response(bench, Command.IDENTIFY)
+    lost = bench.clock.now
+    while FaultKind.WRONG_LAYOUT not in bench.board.report().conditions:
+        bench.board.read(0.01)
+        assert bench.clock.now < lost + 1000 * MILLISECOND
+
+
+@BOTH
+def test_a_board_that_is_asked_again_while_scans_flow_is_set_to_its_rate_though_one_response_is_lost(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1.0)
+    identity = bench.board.decoder.identity
+    assert identity is not None
+    wrong = replace(identity, board=replace(identity.board, layout=9))
+    bench.link.sends((BASE + IDENTITY_OFFSET, CLASSIC, wrong.pack()), bench.clock.now)
+    lose_one_response(bench, Command.SET_RATE)
+    lost = bench.clock.now
+    while bench.board.report().health != Health.OK:
+        bench.board.read(0.01)
+        assert bench.clock.now < lost + 1000 * MILLISECOND
+    assert bench.run(1.0) >= 984  # classic scans are numbered from the next header on
+
+
 @pytest.mark.parametrize(("delay", "fd"), long_cases(crossed([0.3, 0.9, 1.5, 2.5], FRAMES), ["0.3-classic", "2.5-fd"]))
 def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(delay: float, fd: bool) -> None:
     """Reopening drops what is under way, so it comes ever less often."""

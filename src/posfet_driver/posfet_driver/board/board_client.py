@@ -235,7 +235,8 @@ class Board:
         for decoded in connection.decoded:
             if isinstance(decoded, ScanReady):
                 if connection.flowing:
-                    connection.deadline = connection.arrival + connection.scan_timeout
+                    if connection.state is ConnectionState.SCANS:  # else a response is awaited
+                        connection.deadline = connection.arrival + connection.scan_timeout
                 else:  # started, or sending again before it was restarted
                     connection.flowing = True
                     connection.fault = None
