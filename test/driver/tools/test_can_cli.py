@@ -425,6 +425,16 @@ def test_no_file_is_left_of_a_board_that_cannot_be_started(tmp_path: Path, capsy
     assert not file.exists()
 
 
+@pytest.mark.parametrize("bus", [EMULATOR, ["-i", "nosuch"]], ids=["would be written", "would fail"])
+def test_a_recording_is_never_overwritten(tmp_path: Path, bus: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bus.log"
+    file.write_text("of yesterday", encoding="ascii")
+    assert main(["record", str(file), "--for", "0.1", *bus]) == 1
+    error = f"posfet can record: {file}: cannot be written: File exists; choose another name, or remove it\n"
+    assert capsys.readouterr().err == error
+    assert file.read_text(encoding="ascii") == "of yesterday"
+
+
 @pytest.mark.parametrize(
     "arguments", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
 )

@@ -60,6 +60,8 @@ class _RecordedBus:
 def run_record(options: argparse.Namespace) -> int:
     """Run `posfet can record`; return the exit code: 0 when any frame was recorded."""
     check_name(options.file)
+    if options.file.is_file():
+        raise ConfigError(f"{options.file}: cannot be written: File exists; choose another name, or remove it")
     with bus_of(options) as (sensor, settings):
         bus = open_can_bus(settings)
         try:
