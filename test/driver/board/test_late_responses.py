@@ -432,6 +432,43 @@ def test_a_board_that_is_asked_again_while_scans_flow_is_set_to_its_rate_though_
     assert bench.run(1.0) >= 984  # classic scans are numbered from the next header on
 
 
+@BOTH
+@pytest.mark.parametrize("before", ["stopped by a user", "started again", "scanning"])
+def test_a_board_that_was_reset_before_it_gets_start_is_set_to_its_rate(before: str, fd: bool) -> None:
+    """After power-on it has its shortest period, whatever it has confirmed before."""
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.board.request(Command.SET_RATE, 2000)
+    if before == "stopped by a user":
+        bench.board.request(Command.STOP)
+    bench.link.delay, receive = 5 * MILLISECOND, bench.link.receive
+
+    def reset(frame: Frame, now: int) -> list[Frame]:
+        request = Request.unpack(frame[2])
+        if request and request.command == Command.START:
+            bench.link.board = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(with_fd(SENSOR, fd)), now, boot=1)
+            bench.link.receive = receive  # type: ignore[method-assign]
+            if before != "scanning":
+                bench.link.due(now)  # its first status comes before the response
+        return receive(frame, now)
+
+    bench.link.receive = reset  # type: ignore[method-assign]
+    if before == "started again":
+        bench.link.board.running = False
+    else:
+        bench.board.request(Command.START)
+    while bench.link.board.boot == 0 or bench.board.report().health != Health.OK:
+        bench.board.read(0.01)
+    end = bench.clock.now + 1000 * MILLISECOND
+    while bench.clock.now < end:
+        bench.board.read(0.01)
+    scans = bench.board.decoder.scans
+    while bench.clock.now < end + 1000 * MILLISECOND:
+        bench.board.read(0.01)
+    assert abs(bench.board.decoder.scans - scans - 500) <= 1
+    assert bench.board.report().values["scan period [ms]"] == "2"
+
+
 @pytest.mark.parametrize(("delay", "fd"), long_cases(crossed([0.3, 0.9, 1.5, 2.5], FRAMES), ["0.3-classic", "2.5-fd"]))
 def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(delay: float, fd: bool) -> None:
     """Reopening drops what is under way, so it comes ever less often."""

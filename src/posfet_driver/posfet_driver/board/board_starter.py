@@ -35,6 +35,8 @@ _COMMANDS: Final = {
     ConnectionState.START: Command.START,
 }
 """Command whose response is awaited in a state."""
+_STARTED: Final = {ConnectionState.START, ConnectionState.STOPPED, ConnectionState.SCANS}
+"""States in which a board that was started is expected to keep the period that it has confirmed."""
 
 
 class BoardStarter:
@@ -61,6 +63,7 @@ class BoardStarter:
         self._clock = clock
         self._repetitions = 0  # of the command of the present state
         self._period = round(1e6 / sensor.can.scan_rate)  # to be set at each start [us]
+        self._rate_boot: int | None = None  # number of the power-on that has confirmed it
 
     def identify(self) -> None:
         """Begin, or begin again."""
@@ -102,6 +105,9 @@ class BoardStarter:
                     self._request(ConnectionState.RATE)
             case Command.SET_RATE:
                 self._rate_answered(response, asked)
+            case Command.START if accepted and state in _STARTED and response.boot != self._rate_boot:
+                self._decoder.receiving = False  # its scans have another period
+                self.identify()
             case Command.START if accepted and state in {ConnectionState.START, ConnectionState.STOPPED}:
                 self._started()
 
@@ -120,7 +126,7 @@ class BoardStarter:
         """
         period = self._sender.argument(response)
         if response.confirms(period):
-            self._period = period
+            self._period, self._rate_boot = period, response.boot
         elif not asked and self._connection.state == ConnectionState.RATE:
             self._period = round(1e6 / self._sensor.can.scan_rate)  # not for ever one that a user has set
             reason = f"the board answers a scan period of {period} us with: {response.reason}"
