@@ -227,7 +227,16 @@ def run(seed: int, fd: bool, batches: int, make_pair: Callable[[Sensor], PairT])
             board.change()
         if noise.random() < trouble:
             name = noise.choice(
-                ["start", "doubt_sequence", "forget_gap", "note_overflow", "sent", "period", "receiving"]
+                [
+                    "start",
+                    "doubt_sequence",
+                    "forget_gap",
+                    "note_overflow",
+                    "forget_status",
+                    "sent",
+                    "period",
+                    "receiving",
+                ]
             )
             if name == "sent":
                 sent.append(Request(noise.choice(list(Command)), noise.randrange(256), 1000).pack())

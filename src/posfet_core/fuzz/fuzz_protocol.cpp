@@ -133,7 +133,7 @@ private:
   }
 
   void control(Input& input) {
-    switch (input.number(1) % 6) {
+    switch (input.number(1) % 7) {
       case 0:
         decoder_.doubt_sequence();
         break;
@@ -148,6 +148,9 @@ private:
         break;
       case 4:
         decoder_.set_period(static_cast<double>(input.number(3)), input.number(1) % 2 == 0);
+        break;
+      case 5:
+        decoder_.forget_status();
         break;
       default:
         std::size_t size = 0;

@@ -18,6 +18,7 @@ from posfet_driver.board.board_report import MAX_CLOCK_UNCERTAINTY
 from posfet_driver.board.fault_monitor import HOLD, FaultMonitor, changes, worst
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.messages import STATUS_OFFSET
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -29,6 +30,7 @@ from support.paths import DOCS
 from support.stepped import SteppedBus
 
 RATE = 100.0
+STATUS = load_sensor().can.base_id + STATUS_OFFSET
 SENSORS = {
     True: with_layout(load_sensor(), 5, 12, scan_rate=RATE),
     False: with_layout(load_sensor(), 5, 5, scan_rate=RATE),
@@ -267,6 +269,40 @@ def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKi
     bench.device.status = flag
     bench.run(2)
     assert bench.faults == [fault]
+
+
+@BOTH
+def test_a_board_whose_status_frames_stop_is_reported_and_what_they_said_is_unknown(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.device.status = ScanStatus.OVERTEMPERATURE
+    bench.run(2)
+    assert bench.faults == [FaultKind.OVERTEMPERATURE]
+    due = bench.injector.due
+    bench.injector.due = lambda *times: [frame for frame in due(*times) if frame[0] != STATUS]  # type: ignore[method-assign]
+    bench.run(0.9)
+    assert FaultKind.NO_STATUS not in bench.board.report().conditions
+    assert bench.run(2) > 1.9 * RATE
+    assert (bench.faults, bench.health) == ([FaultKind.NO_STATUS], Health.WARN)
+    scan, values = bench.board.decoder.scan, bench.board.report().values
+    assert np.isnan(scan.temperatures).all()
+    assert scan.status == (ScanStatus.OVERTEMPERATURE if fd else 0)  # FD blocks state it themselves
+    assert (values["temperature 1 [degC]"], values["board flags"]) == ("nan", "unknown")
+    bench.injector.due = due  # type: ignore[method-assign]
+    bench.run(2)
+    assert bench.faults == [FaultKind.OVERTEMPERATURE]
+    assert bench.board.decoder.scan.temperatures == pytest.approx(bench.device.temperature)
+
+
+@BOTH
+def test_what_a_board_has_said_is_not_reported_while_the_bus_is_closed(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.device.status = ScanStatus.OVERTEMPERATURE
+    bench.run(2)
+    bench.unplugged = bench.buses[-1].broken = True
+    bench.run(2)
+    assert bench.faults == [FaultKind.ADAPTER_DISCONNECTED]
+    values = bench.board.report().values
+    assert (values["temperature 1 [degC]"], values["board flags"]) == ("nan", "unknown")
 
 
 @BOTH

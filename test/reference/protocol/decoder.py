@@ -30,6 +30,7 @@ from posfet_driver.protocol.messages import (
     HEADER_OFFSET,
     IDENTITY_OFFSET,
     LONGEST_PERIOD,
+    NO_STATUS,
     RESPONSE_OFFSET,
     STATUS_OFFSET,
     Command,
@@ -98,8 +99,8 @@ class Decoder:
         """False until the board was identified and started: scans are ignored and not counted."""
         self.scans = 0
         """Number of complete scans."""
-        self.status = Status((math.nan, math.nan), math.nan, 0, scanning=False, boot=0, heartbeat=0)
-        """The newest status."""
+        self.status = NO_STATUS
+        """The newest status; `NO_STATUS` while it is unknown."""
         self.identity: Identity | None = None
         """The newest identity; None: unknown."""
         self.transit_time = 0.0
@@ -205,6 +206,12 @@ class Decoder:
     def note_overflow(self) -> None:
         """Note that frames were lost within the next batch: numbers and headers tell which."""
         self._classic_scans.overflowed = True
+
+    def forget_status(self) -> None:
+        """Forget the newest status, which is too old: temperatures and flags are unknown up to the next one."""
+        self._status_data = b""
+        self.status = NO_STATUS
+        self.scan.temperatures[:] = self.status.temperatures
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.

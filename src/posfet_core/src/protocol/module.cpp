@@ -349,6 +349,7 @@ void bind_decoder(const py::module_& module) {
       .def("doubt_sequence", &BoardDecoder::doubt_sequence)
       .def("forget_gap", &BoardDecoder::forget_gap)
       .def("note_overflow", &BoardDecoder::note_overflow)
+      .def("forget_status", &BoardDecoder::forget_status)
       .def(
           "begin_batch",
           [](BoardDecoder& decoder, const py::object& frames, Wide arrival, Wide wall_offset) {

@@ -227,7 +227,14 @@ class Board:
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
         with self._connection.control:
-            return board_report(self._connection, self.decoder, self.stamp_uncertainty, self.restarted, self.brown_outs)
+            return board_report(
+                self._connection,
+                self.decoder,
+                self.stamp_uncertainty,
+                self.restarted,
+                self.brown_outs,
+                self._supervisor.status_missing,
+            )
 
     def _next_scan(self) -> bool:
         """Process the frames at hand up to the next complete scan; return whether there is one."""
@@ -243,6 +250,7 @@ class Board:
                     connection.enter(ConnectionState.SCANS, "receiving scans", connection.scan_timeout / NANOSECONDS)
                 return True
             self._supervisor.handle(decoded)
+        self._supervisor.check_status()
         connection.check_bus_off()
         return False
 

@@ -18,6 +18,7 @@ from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.mapped_decoder import MappedDecoder
+from posfet_driver.protocol.messages import NO_STATUS
 from posfet_model.sensor.scan import ScanStatus
 
 HIGH_LOAD: Final = 0.9
@@ -39,6 +40,7 @@ def board_report(
     stamp_uncertainty: float,
     restarts: int = 0,
     brown_outs: int = 0,
+    status_missing: bool = False,
 ) -> SourceReport:
     """Return the report of a board.
 
@@ -54,6 +56,8 @@ def board_report(
         Number of times a silent board was restarted.
     brown_outs : int, default 0
         Resets around which the supply voltage was low.
+    status_missing : bool, default False
+        Whether scans arrive, but no status of the board.
 
     Returns
     -------
@@ -63,10 +67,13 @@ def board_report(
     bus, load = connection.bus, connection.load
     scanning = connection.state == ConnectionState.SCANS
     waiting = scanning and not connection.flowing
-    status, identity = decoder.status, decoder.identity
+    status = decoder.status if bus.is_open else NO_STATUS
+    identity = decoder.identity
     conditions = [connection.fault] if connection.fault else []
     flags = status.flags if scanning else status.flags & ~ScanStatus.SCAN_OVERRUN  # of a board that does not scan
     conditions += [fault for flag, fault in _FLAGS.items() if flags & flag]
+    if status_missing and scanning:
+        conditions.append(FaultKind.NO_STATUS)
     if bus.is_bus_off and connection.fault is not FaultKind.BUS_OFF:
         conditions.append(FaultKind.BUS_OFF)
     if load.load > HIGH_LOAD:
@@ -95,7 +102,7 @@ def board_report(
             "temperature 1 [degC]": f"{status.temperatures[0]:.2f}",
             "temperature 2 [degC]": f"{status.temperatures[1]:.2f}",
             "supply [V]": f"{status.supply:.2f}",
-            "board flags": str(status.flags),
+            "board flags": "unknown" if status is NO_STATUS else str(status.flags),
             "firmware": identity.firmware if identity else "unknown",
             "scan period [ms]": f"{decoder.scan_period / 1000:g}",
             "bus load by received frames [%]": f"{100 * load.load:.1f}",

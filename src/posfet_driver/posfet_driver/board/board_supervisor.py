@@ -23,9 +23,12 @@ from posfet_driver.clock import Clock
 from posfet_driver.protocol.decoded import IdentityReceived, ResponseReceived, StatusReceived
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Command, Identity, Response, Result, Status
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 
 _STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
+STATUS_TIMEOUT: Final = 1.0
+"""Time without a status, while scans flow, after which the newest one is forgotten [s]: ten intervals; assumed."""
 _READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
 """States in which the board accepts a command of the user."""
 
@@ -50,6 +53,8 @@ class BoardSupervisor:
         """Number of times a silent board was restarted."""
         self.power = PowerWatch()
         """Resets, and their causes."""
+        self.status_missing = False
+        """Whether scans flow and no status has arrived for long."""
         self.commands = CommandQueue()
         """Commands of users, from any thread."""
         self._sensor, self._connection, self._decoder, self._clock = sensor, connection, decoder, clock
@@ -57,6 +62,7 @@ class BoardSupervisor:
         self._starter = BoardStarter(sensor, connection, decoder, self._sender, clock)
         self._scan_period = decoder.scan_period  # in force [us]
         self._stopped = False  # by a user
+        self._status_due = 0  # time after which a status is missing [ns]
 
     def start(self) -> None:
         """Identify the board and start it: the bus is open."""
@@ -100,6 +106,15 @@ class BoardSupervisor:
             connection.ask_adapter()
         self._starter.handle_timeout()
 
+    def check_status(self) -> None:
+        """Forget the status of the board when none has arrived for long while scans flow."""
+        connection = self._connection
+        if not connection.flowing:
+            self._expect_status()
+        elif connection.arrival > self._status_due and not self.status_missing:
+            self.status_missing = True
+            self._decoder.forget_status()
+
     def process_commands(self, now: int) -> None:
         """Send the next command when the board is ready for it, and fail those that have expired."""
         self.commands.expire(now, self._connection.reason)
@@ -108,7 +123,12 @@ class BoardSupervisor:
         elif self._connection.state in _READY and (pending := self.commands.next()):
             pending.tag = self._sender.send(pending.command, pending.argument)
 
+    def _expect_status(self) -> None:
+        self.status_missing = False
+        self._status_due = self._connection.arrival + round(STATUS_TIMEOUT * NANOSECONDS)
+
     def _handle_status(self, status: Status) -> None:
+        self._expect_status()
         reset = self.power.was_reset(status, self._clock.monotonic())
         if self._connection.state == ConnectionState.SCANS and (reset or not status.scanning):
             self._connection.reason = f"the board {'was reset' if reset else 'does not scan'}: restarting it"

@@ -118,6 +118,12 @@ class FaultKind(Enum):
         "no complete scan arrives",
         "the driver restarts the board by itself, unless it only listens; if that does not help, power-cycle it",
     )
+    NO_STATUS = (
+        "no status",
+        _WARN,
+        "scans arrive, but no status of the board: its temperatures and flags are unknown",
+        "check for a gateway or adapter that filters identifiers; else power-cycle the board, and update its firmware",
+    )
     BROWN_OUTS = ("brown-outs", _ERROR, "the board was reset while its supply was low", "check its supply and cable")
     BOARD_RESETS = (
         "board resets",

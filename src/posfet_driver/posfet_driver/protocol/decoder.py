@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from posfet_core.protocol import (
@@ -26,7 +25,7 @@ from posfet_core.protocol import (
 )
 from posfet_driver.bus.frame import Frame
 from posfet_driver.protocol.decoded import Decoded, IdentityReceived, ResponseReceived, ScanReady, StatusReceived
-from posfet_driver.protocol.messages import Identity, Response, Status, parse_message
+from posfet_driver.protocol.messages import NO_STATUS, Identity, Response, Status, parse_message
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
@@ -75,8 +74,8 @@ class Decoder:
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         """The newest complete scan; overwritten by the next one."""
         self.scan.counts = self.assembler.counts
-        self.status = Status((math.nan, math.nan), math.nan, 0, scanning=False, boot=0, heartbeat=0)
-        """The newest status."""
+        self.status = NO_STATUS
+        """The newest status; `NO_STATUS` while it is unknown."""
         self.identity: Identity | None = None
         """The newest identity; None: unknown."""
         self._ready = ScanReady(self.scan)
@@ -187,6 +186,12 @@ class Decoder:
     def note_overflow(self) -> None:
         """Note that frames were lost within the next batch: numbers and headers tell which."""
         self._core.note_overflow()
+
+    def forget_status(self) -> None:
+        """Forget the newest status, which is too old: temperatures and flags are unknown up to the next one."""
+        self._core.forget_status()
+        self.status = NO_STATUS
+        self.scan.temperatures[:] = self.status.temperatures
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.

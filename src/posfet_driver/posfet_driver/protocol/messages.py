@@ -193,6 +193,10 @@ class Status:
         )
 
 
+NO_STATUS: Final = Status((math.nan, math.nan), math.nan, 0, scanning=False, boot=0, heartbeat=0)
+"""Stands for the status of a board while it is unknown."""
+
+
 @dataclass(frozen=True)
 class Identification:
     """What a board is: the value of the response to IDENTIFY, and the first half of `Identity`."""

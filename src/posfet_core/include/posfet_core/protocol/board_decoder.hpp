@@ -143,6 +143,9 @@ public:
   /// Note that frames were lost within the next batch: numbers and headers tell which.
   void note_overflow() { classic_.note_overflow(); }
 
+  /// Forget the newest status, which is too old: flags of classic scans are unknown, as before the first one.
+  void forget_status() { state_.reset(); }
+
 private:
   using Short = std::array<std::uint8_t, kShortLength>;
 
