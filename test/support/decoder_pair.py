@@ -211,6 +211,7 @@ def run(seed: int, fd: bool, batches: int, make_pair: Callable[[Sensor], PairT])
     sensor = with_layout(with_fd(SENSOR, fd), *noise.choice(SIZES))
     pair, board = make_pair(sensor), Board(sensor, noise)
     pair.set("transit_time", noise.choice([0.0, 0.0004]))
+    pair.set("unswitched_transit_time", 0.0007)
     if noise.random() < 0.9:
         pair.do("start")
     now = noise.choice([0, 1, 10**9, 86_400 * 10**9, 9 * 10**15 + 1, 1_700_000_000 * 10**9])

@@ -18,8 +18,9 @@ import pytest
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.faults import FaultKind, Health
-from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
 from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.frame_timing import classic_time, fd_time
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.reconnecting_bus import BACK_OFF_LAST
 from posfet_driver.protocol.messages import RESPONSE_OFFSET, Command, Response, Result
@@ -63,6 +64,32 @@ def test_scans_over_a_virtual_bus(sensor: Sensor, virtual: can.BusABC, channel: 
             assert board.report().frames_lost == 0
         finally:
             board.close()
+
+
+@pytest.mark.parametrize(
+    ("fd", "kind", "occupied"),
+    [
+        (True, FD | RATE_SWITCH, fd_time(64, 1e6, 5e6).most),
+        (True, FD, fd_time(64, 1e6, 1e6).most),
+        (False, CLASSIC, 6 * classic_time(8, 1e6).most),  # five blocks and a header
+    ],
+    ids=["with rate switch", "without rate switch", "classic"],
+)
+def test_the_bound_of_a_stamp_allows_for_the_frames_that_came(
+    sensor: Sensor, fd: bool, kind: int, occupied: float
+) -> None:
+    clock, sensor = SteppedClock(), with_fd(sensor, fd)
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+    due = firmware.due
+
+    def sent(now: int, until: int | None = None) -> list[Frame]:
+        return [(identifier, kind if len(data) == 64 else CLASSIC, data) for identifier, _, data in due(now, until)]
+
+    firmware.due = sent  # type: ignore[method-assign]
+    board = Board(sensor, lambda: SteppedBus(clock, firmware), clock=clock)
+    board.open()
+    *_, scan = read_scans(board, 100)
+    assert occupied <= scan.stamp_uncertainty < occupied + 50e-6
 
 
 def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: str) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, Frame
 from posfet_driver.protocol.decoded import (
     Decoded,
     IdentityReceived,
@@ -105,6 +105,8 @@ class Decoder:
         """The newest identity; None: unknown."""
         self.transit_time = 0.0
         """Longest time that the frames of a scan occupy the bus [s]."""
+        self.unswitched_transit_time = 0.0
+        """The same from the first CAN FD frame without bit rate switch on [s]."""
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
         self._sync = ClockSync()
@@ -114,6 +116,7 @@ class Decoder:
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
+        self._unswitched = False  # whether a block has come in a CAN FD frame without bit rate switch
         self._own_commands: deque[bytes] = deque(maxlen=COMMANDS_KEPT)
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
@@ -193,6 +196,7 @@ class Decoder:
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the board was started."""
         self.receiving = True
+        self._unswitched = False
         self._scans.start()
 
     def doubt_sequence(self) -> None:
@@ -242,6 +246,7 @@ class Decoder:
         for frame in frames:
             identifier, kind, data = frame
             if identifier == block and not kind & _NO_BLOCK:
+                self._unswitched |= kind & (FD | RATE_SWITCH) == FD
                 if self.receiving and feed(kind, data, arrival):
                     self._complete()
                     self._publish(self._fd_scans.time, self._fd_scans.clock.stalled)
@@ -315,7 +320,8 @@ class Decoder:
     def _uncertainty(self, stamp: int) -> float:
         """Return the largest error [ns] of the newest scan's stamp [ns], while the board's clock runs."""
         scans = self._scans
-        late = self.transit_time * NANOSECONDS + self._ascending.excess + scans.late * 1000
+        transit = self.unswitched_transit_time if self._unswitched else self.transit_time
+        late = transit * NANOSECONDS + self._ascending.excess + scans.late * 1000
         return self._sync.error(late, scans.early(self.scan.sequence) * 1000, self._arrival - stamp)
 
     def _other(self, frame: Frame) -> Decoded | None:

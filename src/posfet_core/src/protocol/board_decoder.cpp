@@ -42,6 +42,7 @@ Found BoardDecoder::feed(const Frame& frame) {
 }
 
 Found BoardDecoder::feed_fd(const Frame& frame) {
+  unswitched_ = unswitched_ || is_unswitched(frame);
   if (!receiving || !fd_.feed(frame, arrival_)) {
     return Found::kNothing;
   }
@@ -115,6 +116,7 @@ void BoardDecoder::sent(const std::uint8_t* command, std::size_t length) {
 
 void BoardDecoder::start() {
   receiving = true;
+  unswitched_ = false;
   if (fd()) {
     fd_.start();
   } else {
@@ -161,7 +163,8 @@ void BoardDecoder::publish(const CompleteScan& scan, Wide device_time, bool stal
 double BoardDecoder::uncertainty(Wide stamp) const {
   const double late = fd() ? FdScans::kRounding : classic_.late();
   const double early = fd() ? FdScans::kRounding : classic_.early(scan_.sequence);
-  return sync_.error(transit_time * kNanoseconds + real(ascending_.excess()) + late * 1000.0, early * 1000.0,
+  const double transit = unswitched_ ? unswitched_transit_time : transit_time;
+  return sync_.error(transit * kNanoseconds + real(ascending_.excess()) + late * 1000.0, early * 1000.0,
                      real(arrival_ - stamp));
 }
 

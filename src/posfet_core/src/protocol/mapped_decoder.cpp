@@ -41,6 +41,7 @@ double MappedDecoder::clock_uncertainty() const {
 
 void MappedDecoder::start() {
   receiving = true;
+  unswitched_ = false;
   assembler_.forget();
 }
 
@@ -72,6 +73,7 @@ bool MappedDecoder::feed(const Frame& frame) {
     ++assembler_.statistics.malformed;
     return false;
   }
+  unswitched_ = unswitched_ || is_unswitched(frame);
   const std::uint8_t* const data = frame.data;  // without what CAN fills up
   const std::uint64_t selected = message->select ? message->select->read(data) : 0U;
   const int* const index = find_in(message->parts, selected);
@@ -131,7 +133,8 @@ void MappedDecoder::complete() {
   scan_.device_time = dated ? numbering_.device_time() : Wide{0};
   scan_.status |= dated ? 0U : kTimeEstimated;
   scan_.stamp = numbering_.stamp() + wall_offset_.value();
-  scan_.stamp_uncertainty = dated ? transit_time + clock_uncertainty() + tables_.tick / kNanoseconds : kUnknown;
+  const double transit = unswitched_ ? unswitched_transit_time : transit_time;
+  scan_.stamp_uncertainty = dated ? transit + clock_uncertainty() + tables_.tick / kNanoseconds : kUnknown;
   if (numbering_.was_reset()) {
     scan_.status |= kBoardReset;
     ++resets_;

@@ -330,6 +330,7 @@ void bind_decoder(const py::module_& module) {
            py::arg("fd"), py::arg("taxels"), py::arg("base"))
       .def_readwrite("receiving", &BoardDecoder::receiving)
       .def_readwrite("transit_time", &BoardDecoder::transit_time)
+      .def_readwrite("unswitched_transit_time", &BoardDecoder::unswitched_transit_time)
       .def_readonly("traffic", &BoardDecoder::traffic)
       .def_property_readonly("assembler", &BoardDecoder::assembler, py::return_value_policy::reference_internal)
       .def_property_readonly("scans", &BoardDecoder::scans)

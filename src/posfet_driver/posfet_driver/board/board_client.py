@@ -71,6 +71,7 @@ class Board:
         )
         self.bus = self._connection.bus
         self.decoder.transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
+        self.decoder.unswitched_transit_time = scan_transit_time(sensor.can, self.decoder.blocks, rate_switch=False)
         self._supervisor = BoardSupervisor(sensor, self._connection, self.decoder, self._clock)
         self._commands = self._supervisor.commands
 

@@ -69,7 +69,9 @@ class ListeningBoard:
             sensor.can, self.decoder, open_bus, self._clock, presence, "waiting for scans"
         )
         self.bus = self._connection.bus
-        self.decoder.transit_time = mapped_transit_time(sensor.can, self.decoder.tables)
+        tables = self.decoder.tables
+        self.decoder.transit_time = mapped_transit_time(sensor.can, tables)
+        self.decoder.unswitched_transit_time = mapped_transit_time(sensor.can, tables, rate_switch=False)
         self._dbc = sensor.mapping.dbc.name if sensor.mapping else ""
 
     @property

@@ -19,7 +19,7 @@ from posfet_model.sensor.description import CanLink
 _EXTENDED_BITS: Final = 25  # of an identifier of 29 bits more than of one of 11, with stuff bits
 
 
-def scan_transit_time(link: CanLink, blocks: int) -> float:
+def scan_transit_time(link: CanLink, blocks: int, rate_switch: bool = True) -> float:
     """Return the longest time that the frames of one scan occupy the bus [s].
 
     Parameters
@@ -28,16 +28,20 @@ def scan_transit_time(link: CanLink, blocks: int) -> float:
         Frame format and bit rates.
     blocks : int
         Number of scan frames of a scan.
+    rate_switch : bool, default True
+        Whether CAN FD frames come with bit rate switch.
 
     Returns
     -------
     float
-        Transit time with as many stuff bits as there can be [s].
+        Transit time with as many stuff bits as there can be [s]; of classic frames, with the header.
     """
-    return blocks * _longest(link, FD_LENGTH if link.fd else CLASSIC_LENGTH)
+    if link.fd:
+        return blocks * _fd_time(link, FD_LENGTH, rate_switch)
+    return (blocks + 1) * classic_time(CLASSIC_LENGTH, link.bitrate).most
 
 
-def mapped_transit_time(link: CanLink, tables: FrameTables) -> float:
+def mapped_transit_time(link: CanLink, tables: FrameTables, rate_switch: bool = True) -> float:
     """Return the longest time that the frames of one scan of a board with frames of its own occupy the bus [s].
 
     Parameters
@@ -46,15 +50,24 @@ def mapped_transit_time(link: CanLink, tables: FrameTables) -> float:
         Frame format and bit rates.
     tables : FrameTables
         Lengths of the frames.
+    rate_switch : bool, default True
+        Whether CAN FD frames come with bit rate switch; those that fit into classic frames may come as such.
 
     Returns
     -------
     float
         Transit time with as many stuff bits as there can be [s].
     """
-    return sum(_longest(link, length) + extended * _EXTENDED_BITS / link.bitrate for length, extended in tables.sent)
+    return sum(
+        _longest(link, length, rate_switch) + extended * _EXTENDED_BITS / link.bitrate
+        for length, extended in tables.sent
+    )
 
 
-def _longest(link: CanLink, length: int) -> float:
-    time = fd_time(length, link.bitrate, link.data_bitrate) if link.fd else classic_time(length, link.bitrate)
-    return time.most
+def _longest(link: CanLink, length: int, rate_switch: bool) -> float:
+    classic = classic_time(length, link.bitrate).most if length <= CLASSIC_LENGTH else 0.0
+    return max(classic, _fd_time(link, length, rate_switch)) if link.fd else classic
+
+
+def _fd_time(link: CanLink, length: int, rate_switch: bool) -> float:
+    return fd_time(length, link.bitrate, link.data_bitrate if rate_switch else link.bitrate).most

@@ -85,6 +85,16 @@ class MappedDecoder:
         self._core.transit_time = seconds
 
     @property
+    def unswitched_transit_time(self) -> float:  # numpydoc ignore=RT01
+        """The same from the first CAN FD frame without bit rate switch on [s]."""
+        return self._core.unswitched_transit_time
+
+    @unswitched_transit_time.setter
+    def unswitched_transit_time(self, seconds: float) -> None:
+        """Set the same from the first CAN FD frame without bit rate switch on [s]."""
+        self._core.unswitched_transit_time = seconds
+
+    @property
     def blocks(self) -> int:
         """Number of frames of a scan."""
         return self.tables.blocks

@@ -90,6 +90,9 @@ public:
   /// Longest time that the frames of a scan occupy the bus [s].
   double transit_time = 0.0;
 
+  /// The same from the first CAN FD frame without bit rate switch on [s].
+  double unswitched_transit_time = 0.0;
+
   /// Frames that carry no scan, by cause; who feeds counts all of them.
   Traffic traffic;
 
@@ -182,6 +185,7 @@ private:
   Counter scans_ = 0;
   std::optional<BoardState> state_;  ///< The newest one.
   Short status_data_{};              ///< Data of its frame.
+  bool unswitched_ = false;          ///< Whether a block has come in a CAN FD frame without bit rate switch.
   std::array<std::optional<Short>, kCommandsKept> own_commands_;
   std::size_t next_command_ = 0;
 };

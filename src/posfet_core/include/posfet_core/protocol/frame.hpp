@@ -32,4 +32,7 @@ struct Frame {
   std::size_t length = 0;  ///< [byte].
 };
 
+/// Whether a frame is one of CAN FD without bit rate switch.
+inline bool is_unswitched(const Frame& frame) { return (frame.kind & (kFd | kRateSwitch)) == kFd; }
+
 }  // namespace posfet::protocol

@@ -46,6 +46,9 @@ public:
   /// Longest time that the frames of a scan occupy the bus [s].
   double transit_time = 0.0;
 
+  /// The same from the first CAN FD frame without bit rate switch on [s].
+  double unswitched_transit_time = 0.0;
+
   /// Frames that carry no scan, by cause.
   Traffic traffic;
 
@@ -113,6 +116,7 @@ private:
   unsigned estimated_;  ///< Flag of every scan without a counter.
   bool gaps_show_;      ///< Frames tell where others were lost.
   bool overflowed_ = false;
+  bool unswitched_ = false;  ///< Whether the board has sent a CAN FD frame without bit rate switch.
   Counter scans_ = 0;
   Counter resets_ = 0;
 };
