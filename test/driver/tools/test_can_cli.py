@@ -28,6 +28,8 @@ from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Identification, Identity, Status
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_driver.tools import list_boards, record_replay
+from posfet_driver.tools.bus_options import bus_of
+from posfet_driver.tools.can_cli import make_parser
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -63,6 +65,15 @@ def virtual(clock: PacedClock) -> Iterator[list[str]]:
         board_on_bus(bus, BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock),
     ):
         yield ["-i", "virtual", "-c", channel]
+
+
+def test_bit_rates_of_the_options_are_those_of_the_sensor_as_well() -> None:
+    """Bus load and bounds of stamps are computed with them."""
+    rates = ["--bitrate", "250000", "--data-bitrate", "1000000"]
+    options = make_parser().parse_args(["monitor", "-i", "virtual", "-c", "any", *rates])
+    with bus_of(options) as (sensor, settings):
+        for link in (sensor.can, settings):
+            assert (link.bitrate, link.data_bitrate) == (250_000, 1_000_000)
 
 
 def test_list_finds_the_board(capsys: pytest.CaptureFixture[str]) -> None:

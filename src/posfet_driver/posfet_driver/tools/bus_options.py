@@ -13,6 +13,7 @@ import argparse
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -45,7 +46,7 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
     Yields
     ------
     tuple of Sensor and BusSettings
-        The sensor and its bus.
+        The sensor, with the bit rates of the options, and its bus.
 
     Raises
     ------
@@ -55,14 +56,21 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
     sensor = sensor_of(options)
     if options.interface != EMULATOR:
         channel = options.channel or ("can0" if options.interface == "socketcan" else "")
-        yield sensor, _settings(options, sensor, options.interface, channel)
+        yield _with_rates(sensor, _settings(options, sensor, options.interface, channel))
         return
     if options.emulator is None:
         raise ConfigError(f"{EMULATOR}: no simulated board is available here: use `posfet can`")
     with tempfile.TemporaryDirectory(prefix="posfet-") as folder:
         channel = str(Path(folder) / "can0")
+        sensor, settings = _with_rates(sensor, _settings(options, sensor, "slcan", channel))
         with options.emulator(sensor, channel, options.clock):
-            yield sensor, _settings(options, sensor, "slcan", channel)
+            yield sensor, settings
+
+
+def _with_rates(sensor: Sensor, settings: BusSettings) -> tuple[Sensor, BusSettings]:
+    """Return the sensor with the bit rates of the bus, and the settings."""
+    link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
+    return replace(sensor, can=link), settings
 
 
 def _settings(options: argparse.Namespace, sensor: Sensor, interface: str, channel: str) -> BusSettings:
