@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
+import can
 import pytest
 
 from posfet_driver.board.board_client import Board
@@ -98,10 +99,13 @@ class Bench:
     def __init__(self, fd: bool = True) -> None:
         self.clock = SteppedClock()
         self.link = SlowLink(fd)
+        self.unplugged = False
         self.board = Board(with_fd(SENSOR, fd), self._open_bus, self.clock)
         self.board.open()
 
     def _open_bus(self) -> SteppedBus:
+        if self.unplugged:
+            raise can.CanInitializationError("no adapter")
         self.bus = SteppedBus(self.clock, self.link)
         return self.bus
 
@@ -340,6 +344,24 @@ def test_a_board_that_a_user_has_stopped_is_left_alone_though_the_adapter_was_un
     bench.board.request(Command.START)
     assert bench.run(1.0) >= 999
     bench.bus.broken = True
+    bench.run(1.0)
+    assert bench.run(1.0) == 1000
+
+
+@BOTH
+@pytest.mark.parametrize("unplugged", [True, False])
+def test_a_board_that_a_user_has_stopped_is_started_when_it_was_closed_and_opened_again(
+    unplugged: bool, fd: bool
+) -> None:
+    """Also where the adapter is absent at that time."""
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.board.request(Command.STOP)
+    bench.board.close()
+    bench.unplugged = unplugged
+    bench.board.open()
+    bench.run(1.0)
+    bench.unplugged = False
     bench.run(1.0)
     assert bench.run(1.0) == 1000
 

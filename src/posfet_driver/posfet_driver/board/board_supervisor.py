@@ -66,11 +66,11 @@ class BoardSupervisor:
 
     def start(self) -> None:
         """Identify the board and start it: the bus is open."""
-        self._stopped = False
         self._starter.identify()
 
     def stop(self) -> None:
-        """Stop the board before the bus is closed; a response that comes after that is none to what follows."""
+        """Stop the board before the bus is closed; what was said up to then, by board or user, says nothing later."""
+        self._stopped = False
         if self._connection.state in _STARTING:
             self._sender.send(Command.STOP)
             self._decoder.forget_gap()
