@@ -126,6 +126,21 @@ def test_a_delay_between_two_clock_reads_does_not_shift_stamps(fd: bool) -> None
     assert scan.stamp - scans[-1].stamp == 4 * PERIOD
 
 
+@pytest.mark.parametrize(
+    ("fd", "spoilt"), [(True, "length"), (True, "checksum"), (False, "length")], ids=["fd", "fd checksum", "classic"]
+)
+def test_a_block_that_cannot_be_used_is_one_lost_frame(fd: bool, spoilt: str) -> None:
+    firmware, decoder = started(fd)
+    for index in range(40):
+        frames = firmware.due(index * PERIOD)
+        if index == 20:
+            identifier, kind, data = frames[-1]
+            frames[-1] = identifier, kind, data[:-1] + bytes([data[-1] ^ 1]) if spoilt == "checksum" else data[:-1]
+        receive(decoder, frames, index * PERIOD)
+    statistics = decoder.statistics
+    assert (statistics.malformed + statistics.checksum, decoder.frames_lost) == (1, 1)
+
+
 def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
     """Drop, truncate, duplicate, delay and relabel frames; the data of a block of unchanged length stay the same."""
     out: list[Frame] = []

@@ -246,6 +246,17 @@ def test_truncated_and_foreign_frames(listener: Listener, style: Style) -> None:
     assert listener.scans == []
 
 
+def test_a_frame_of_a_wrong_length_is_one_lost_frame(listener: Listener, style: Style) -> None:
+    for index in range(10):
+        frames = style.frames(index)
+        if index == 5:
+            identifier, kind, data = frames[-1]
+            frames[-1] = identifier, kind, data[:-1]
+        listener.read(frames, index * PERIOD)
+    assert len(listener.scans) == 9
+    assert (listener.decoder.statistics.malformed, listener.decoder.frames_lost) == (1, 1)
+
+
 def test_a_value_of_the_multiplexer_that_the_dbc_does_not_have(listener_a: Listener) -> None:
     identifier, kind, data = frames_a(0)[0]
     listener_a.read([(identifier, kind, bytes([0xF0 | data[0]]) + data[1:])], 0)

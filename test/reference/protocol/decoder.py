@@ -144,9 +144,8 @@ class Decoder:
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used."""
-        statistics = self.statistics
-        unusable = statistics.malformed + statistics.checksum + statistics.frozen_counter + self.traffic.malformed
-        return statistics.missing_frames + unusable
+        statistics = self.statistics  # a malformed block is missing in its scan
+        return statistics.missing_frames + statistics.frozen_counter + self.traffic.malformed
 
     @property
     def frozen_clock(self) -> int:

@@ -89,8 +89,8 @@ bool BoardDecoder::release() {
 }
 
 Counter BoardDecoder::frames_lost() const {
-  const ScanStatistics& lost = statistics();
-  return lost.missing_frames + lost.malformed + lost.checksum + lost.frozen_counter + traffic.malformed;
+  const ScanStatistics& lost = statistics();  // a malformed block is missing in its scan
+  return lost.missing_frames + lost.frozen_counter + traffic.malformed;
 }
 
 double BoardDecoder::clock_uncertainty() const {

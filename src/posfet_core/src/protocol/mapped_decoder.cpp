@@ -31,8 +31,8 @@ MappedDecoder::MappedDecoder(const MappedTables& tables)
 }
 
 Counter MappedDecoder::frames_lost() const {
-  const ScanStatistics& lost = assembler_.statistics;
-  return lost.missing_frames + lost.malformed + lost.frozen_counter + traffic.malformed;
+  const ScanStatistics& lost = assembler_.statistics;  // a malformed frame is missing in its scan
+  return lost.missing_frames + lost.frozen_counter + traffic.malformed;
 }
 
 double MappedDecoder::clock_uncertainty() const {

@@ -113,9 +113,8 @@ class MappedDecoder:
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used; an estimate without a sequence."""
-        statistics = self.statistics
-        unusable = statistics.malformed + statistics.frozen_counter + self.traffic.malformed
-        return statistics.missing_frames + unusable
+        statistics = self.statistics  # a malformed frame is missing in its scan
+        return statistics.missing_frames + statistics.frozen_counter + self.traffic.malformed
 
     @property
     def clock_uncertainty(self) -> float:
