@@ -34,7 +34,9 @@ from posfet_driver.tools.one_shot import described
 from posfet_model.sensor.description import Sensor
 
 FIRST_SCAN: Final = 3.0
-"""Time within which the first scan has to arrive [s]."""
+"""Time within which the first scan has to arrive [s], besides two scan periods."""
+LEAST_SCANS: Final = 2
+"""Least number of scans by which the rate is measured, at low scan rates for longer than was asked for."""
 RATE_TOLERANCE: Final = 0.05
 """Greatest relative difference of the measured rate from the nominal one [1]."""
 POLL: Final = 0.1
@@ -102,7 +104,7 @@ class SelfTest:
     def _first_scan(self) -> str:
         begin = self._time()
         while self._board.read(POLL) is None:
-            if self._time() - begin > FIRST_SCAN:
+            if self._time() - begin > FIRST_SCAN + 2 / self._sensor.can.scan_rate:
                 raise CheckFailed(self._board.report().state)
         return f"the first after {1e3 * (self._time() - begin):.0f} ms"
 
@@ -121,10 +123,13 @@ class SelfTest:
     def _scans(self) -> str:
         board = self._board
         self._first_scan()
-        begin, scans, lost = self._time(), board.decoder.scans, board.decoder.frames_lost
-        while self._time() - begin < self._seconds:
-            board.read(POLL)
-        rate = (board.decoder.scans - scans) / (self._time() - begin)
+        begin = newest = self._time()  # a scan arrived now
+        scans, lost = board.decoder.scans, board.decoder.frames_lost
+        end = begin + max(self._seconds, (LEAST_SCANS + 0.5) / self._sensor.can.scan_rate)
+        while self._time() < end:
+            if board.read(POLL) is not None:
+                newest = self._time()
+        rate = (board.decoder.scans - scans) / (newest - begin) if newest > begin else 0.0
         lost = board.decoder.frames_lost - lost
         late = 1e3 * board.stamp_uncertainty
         stamps = "stamps estimated from arrivals" if math.isnan(late) else f"stamps at most {late:.2f} ms late"
