@@ -564,6 +564,17 @@ def test_stamps_during_a_frozen_clock_and_after_it_are_right(fd: bool) -> None:
     assert decoder.frozen_clock > 10
 
 
+@pytest.mark.parametrize(("repetitions", "frozen"), [(1, 0), (2, 0), (3, 1), (5, 3)])
+def test_a_clock_counts_as_frozen_from_the_third_repetition_on(repetitions: int, frozen: int) -> None:
+    """Before that, scans may have been sampled at the same time."""
+    decoder = Decoder(with_fd(SENSOR, True))
+    decoder.start()
+    for sequence in range(60):
+        time = 20_000 if 20 < sequence <= 20 + repetitions else sequence * 1000
+        receive(decoder, scan_frames(True, sequence, time), sequence * PERIOD)
+    assert decoder.frozen_clock == frozen
+
+
 @BOTH
 def test_a_clock_that_jumps_spoils_no_stamp(fd: bool) -> None:
     decoder = Decoder(with_fd(SENSOR, fd))

@@ -149,7 +149,7 @@ class Decoder:
 
     @property
     def frozen_clock(self) -> int:
-        """Number of times that the board repeated a device time."""
+        """Number of times that the board repeated a device time, from the third in a row on: its clock is frozen."""
         return self._scans.clock.repeated
 
     @property

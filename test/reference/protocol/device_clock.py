@@ -14,7 +14,8 @@ from typing import Final
 from reference.protocol.clock_sync import ClockSync
 
 FROZEN_READINGS: Final = 3
-"""Consecutive readings of the same device time from which on the clock is reported as frozen."""
+"""Consecutive repetitions of a device time from which on the clock is reported as frozen: a scan may be sampled at the
+time of the one before."""
 EARLIEST: Final = -1e6
 PROMPT: Final = 5e6
 """Delays of a frame [ns] by which its reading is right though the sequence contradicts it, the latter besides the
@@ -47,7 +48,7 @@ class DeviceClock:
         self.time = 0
         """Device time of the newest scan, unwrapped [us]."""
         self.repeated = 0
-        """Readings that repeat the one before; never falls."""
+        """Readings that repeat the one before while the clock is frozen; never falls."""
         self._modulus = 1 << bits
         self._sync = sync
         self._reading = 0  # newest, as sent [us]
@@ -182,8 +183,8 @@ class DeviceClock:
 
     def _repeat(self, counted: float, next_tick: bool, arrival: int) -> None:
         """Count on by the sequence, as the reading repeats the one before."""
-        self.repeated += 1
         self._in_a_row += 1
+        self.repeated += self.frozen
         time = self._count_on(counted)
         possible = self._not_of_future(time, arrival)
         if possible == time and self._in_a_row == 1 and next_tick:

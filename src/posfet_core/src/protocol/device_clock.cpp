@@ -64,8 +64,8 @@ void DeviceClock::restart(std::uint32_t reading, bool same_boot, Wide arrival) {
 
 /// Count on by the sequence, as the reading repeats the one before.
 void DeviceClock::repeat(double counted, bool next_tick, Wide arrival) {
-  ++repeated_;
   in_a_row_ = std::min(in_a_row_ + 1, kFrozenReadings);
+  repeated_ += frozen() ? 1U : 0U;
   const bool first = in_a_row_ == 1;
   const Wide time = count_on(counted);
   const Wide possible = not_of_future(time, arrival);

@@ -113,7 +113,7 @@ public:
   /// Frames of the board that did not arrive or could not be used.
   Counter frames_lost() const;
 
-  /// Number of times that the board repeated a device time.
+  /// Number of times that the board repeated a device time, from the third in a row on: its clock is frozen.
   Counter frozen_clock() const { return clock().repeated(); }
 
   /// Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame.

@@ -24,7 +24,8 @@
 
 namespace posfet::protocol {
 
-/// Consecutive readings of the same device time from which on the clock is reported as frozen.
+/// Consecutive repetitions of a device time from which on the clock is reported as frozen: a scan may be sampled at the
+/// time of the one before.
 constexpr int kFrozenReadings = 3;
 
 /// Delays of a frame [ns] by which its reading is right though the sequence contradicts it, the latter besides the
@@ -54,7 +55,7 @@ public:
   /// Device time of the newest scan, unwrapped [us].
   Wide time() const { return time_; }
 
-  /// Readings that repeat the one before; never falls.
+  /// Readings that repeat the one before while the clock is frozen; never falls.
   std::uint64_t repeated() const { return repeated_; }
 
   /// Time by which the newest reading was taken late, as far as is known [us].
