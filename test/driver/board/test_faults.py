@@ -306,6 +306,18 @@ def test_what_a_board_has_said_is_not_reported_while_the_bus_is_closed(fd: bool)
 
 
 @BOTH
+def test_the_load_of_a_bus_that_was_closed_is_unknown(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.injector.fault = InjectedFault.UNRELATED
+    bench.run(3)
+    assert FaultKind.HIGH_BUS_LOAD in bench.faults
+    bench.unplugged = bench.buses[-1].broken = True
+    bench.run(2)
+    assert bench.faults == [FaultKind.ADAPTER_DISCONNECTED]
+    assert bench.board.report().values["bus load by received frames [%]"] == "nan"
+
+
+@BOTH
 def test_a_board_that_does_not_scan_has_no_overrun_and_no_uncertain_stamps(fd: bool) -> None:
     bench = Bench(fd)
     bench.device.status = ScanStatus.SCAN_OVERRUN

@@ -278,7 +278,8 @@ class BoardConnection:
         if state in NOT_RECEIVING:
             self._decoder.receiving = False
         if not self.bus.is_open:
-            self.decoded, self.loop = iter(()), None
+            self.decoded, self.loop, self._batch = iter(()), None, []
+            self.load.reset()
         timed = state not in {ConnectionState.CLOSED, ConnectionState.STOPPED}
         self.deadline = self._clock.monotonic() + round(timeout * NANOSECONDS) if timed else NEVER
 

@@ -44,6 +44,10 @@ class BusLoad:
         self._begin = 0
         self._busy = 0.0
 
+    def reset(self) -> None:
+        """Forget what was added: the bus was closed."""
+        self.load, self._begin, self._busy = math.nan, 0, 0.0
+
     def add(self, frames: Iterable[Frame], now: int) -> None:
         """Add the frames that were read at `now` [ns].
 
