@@ -37,7 +37,7 @@ from rclpy.parameter import Parameter
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command, Identification, Response, Result
-from posfet_driver.ros import command_service
+from posfet_driver.ros import command_service, driver_node
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.config import ConfigError
 from posfet_model.sensor import description
@@ -381,6 +381,15 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     adapter.close()
     bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
     assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: CAN bus unavailable, retrying")
+
+
+def test_a_command_is_answered_before_anyone_subscribes(
+    bench: Bench, adapter: EmulatedAdapter, link: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(driver_node, "SUBSCRIBER_TIMEOUT", 1 << 62)
+    monkeypatch.setattr(command_service, "RESPONSE_TIMEOUT", PATIENCE / 4)
+    bench.driver(can_channel=str(link)).start()
+    assert bench.call(BoardCommand.Request.IDENTIFY).success
 
 
 def test_diagnostics_and_other_calls_go_on_while_a_command_waits(

@@ -38,6 +38,7 @@ class DriverNode(ScanSourceNode):
     def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__("driver_node", DRIVER_NODE, clock, **node_arguments)
         self._start_at = 0
+        self._commanded = False
 
     def serve(self) -> None:
         """Create the diagnostics and the service."""
@@ -61,14 +62,15 @@ class DriverNode(ScanSourceNode):
         return self._board
 
     def reading_wanted(self, now: int) -> bool:
-        """Return whether to read the board at the monotonic time `now` [ns]: with a subscriber, or after 2 s."""
+        """Return whether to read the board at the monotonic time `now` [ns]: subscribed to, commanded, or after 2 s."""
         self._start_at = self._start_at or now + SUBSCRIBER_TIMEOUT
-        return super().reading_wanted(now) or now >= self._start_at
+        return super().reading_wanted(now) or self._commanded or now >= self._start_at
 
     def _submit(self, command: Command, argument: int, timeout: float) -> Future[Response]:
         """Submit a command of the service to the data thread."""
         if not self.reading or self.failure:
             raise CommandError(self.failure or "the driver is not configured")
+        self._commanded = True
         return self._board.submit(command, argument, timeout)
 
 
