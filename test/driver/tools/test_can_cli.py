@@ -25,11 +25,12 @@ from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.recording import messages, recording
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import Identification, Identity, Status
+from posfet_driver.protocol.messages import STATUS_OFFSET, Identification, Identity, Status
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_driver.tools import list_boards, record_replay
 from posfet_driver.tools.bus_options import bus_of
 from posfet_driver.tools.can_cli import make_parser
+from posfet_driver.tools.monitor import Monitor
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -158,6 +159,30 @@ def test_monitor_shows_identifiers_rates_and_scans(
         ["0x103", "ScanBlockFd"],
     ]
     assert int(rows[-1][2]) > 100
+
+
+def test_every_fault_of_the_frames_is_counted_in_the_monitor_and_in_the_summary_of_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also those that no scan block causes: a status that is cut short, a sequence that stands still."""
+    file, scan, frames = tmp_path / "bus.log", make_scan(SENSOR, 0), []
+    for sequence in range(6):
+        scan.sequence, scan.device_time = min(sequence, 4), 1000 * sequence
+        frames += make_codec(SENSOR).encode(scan, SENSOR.can.base_id)
+    identifier, kind, data = frames[2]
+    frames[2] = identifier, kind, data[:-1] + bytes([data[-1] ^ 1])
+    frames.append((SENSOR.can.base_id + STATUS_OFFSET, CLASSIC, bytes(7)))
+    monitor = Monitor(SENSOR, SteppedClock())
+    with recording(file) as log:
+        for frame in frames:
+            monitor.process([frame])
+            log(message_of(frame))
+    assert main(["replay", str(file), "--decode"]) == 0
+    rows = [[cell.strip() for cell in line.split("│")[1:3]] for line in capsys.readouterr().out.splitlines()]
+    for label in ("checksum errors", "frozen sequence counter", "malformed frames", "lost scans"):
+        assert [label, "1"] in rows
+        assert f"{label} 1  " in monitor.line()
+    assert ["implausible sequence", "0"] in rows
 
 
 def test_monitor_of_a_bus_without_traffic_fails(capsys: pytest.CaptureFixture[str]) -> None:

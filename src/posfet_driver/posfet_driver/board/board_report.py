@@ -112,8 +112,15 @@ def board_report(
     )
 
 
-def _fault_counts(decoder: Decoder | MappedDecoder, bus: ReconnectingBus, brown_outs: int) -> dict[FaultKind, int]:
-    statistics, errors = decoder.statistics, bus.errors
+def decoder_fault_counts(decoder: Decoder | MappedDecoder) -> dict[FaultKind, int]:
+    """Return how often each fault occurred that shows in the frames of a board.
+
+    Parameters
+    ----------
+    decoder : Decoder or MappedDecoder
+        Decodes the frames of the board.
+    """
+    statistics = decoder.statistics
     return {
         FaultKind.INCOMPLETE_SCANS: statistics.incomplete_scans,
         FaultKind.LOST_SCANS: statistics.lost_scans,
@@ -125,12 +132,19 @@ def _fault_counts(decoder: Decoder | MappedDecoder, bus: ReconnectingBus, brown_
         FaultKind.IMPLAUSIBLE_SEQUENCE: statistics.implausible,
         FaultKind.CHECKSUM_ERRORS: statistics.checksum,
         FaultKind.MALFORMED_FRAMES: statistics.malformed + decoder.traffic.malformed,
+        FaultKind.BOARD_RESETS: decoder.resets,
+    }
+
+
+def _fault_counts(decoder: Decoder | MappedDecoder, bus: ReconnectingBus, brown_outs: int) -> dict[FaultKind, int]:
+    errors = bus.errors
+    return {
+        **decoder_fault_counts(decoder),
         FaultKind.ERROR_FRAMES: errors.frames,
         FaultKind.BUS_OFF: bus.bus_offs,
         FaultKind.ERROR_PASSIVE: errors.passive,
         FaultKind.UNACKNOWLEDGED: errors.unacknowledged,
         FaultKind.RECEIVE_OVERFLOWS: errors.overflow,
-        FaultKind.BOARD_RESETS: decoder.resets,
         FaultKind.BROWN_OUTS: brown_outs,
         FaultKind.UNREADABLE: bus.unreadable,
     }

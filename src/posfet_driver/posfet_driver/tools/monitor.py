@@ -20,6 +20,8 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 
+from posfet_driver.board.board_report import decoder_fault_counts
+from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
@@ -48,6 +50,8 @@ MAX_ROWS: Final = 24
 """Largest number of identifiers displayed."""
 COLUMN: Final = 8
 """Width of one column of counts [characters]."""
+_ALWAYS: Final = {FaultKind.INCOMPLETE_SCANS, FaultKind.LOST_SCANS, FaultKind.MALFORMED_FRAMES}
+"""Faults that are displayed although none has occurred."""
 _NAMES: Final = {
     COMMAND_OFFSET: "Command",
     RESPONSE_OFFSET: "Response",
@@ -102,14 +106,14 @@ class Monitor:
 
     def line(self) -> str:
         """Return the state in one line."""
-        decoder = self.decoder
-        statistics, status = decoder.statistics, decoder.status
+        decoder, status = self.decoder, self.decoder.status
+        counts = decoder_fault_counts(decoder).items()
+        faults = [f"{fault.label} {count}" for fault, count in counts if count or fault in _ALWAYS]
         return (
             f"{sum(self.rates.values()):7.0f} frames/s  load {_known(100 * self.load.load, 5)} %  "
             f"{self.scan_rate:7.1f} scans/s  "
-            f"incomplete {statistics.incomplete_scans}  lost {statistics.lost_scans}  "
-            f"malformed {statistics.malformed}  "
-            f"unrelated {decoder.traffic.unrelated}  error frames {self.errors.frames}  "
+            f"{'  '.join(faults)}  "
+            f"unrelated frames {decoder.traffic.unrelated}  {FaultKind.ERROR_FRAMES.label} {self.errors.frames}  "
             f"{_known(status.temperatures[0], 0)} degC  {_known(status.supply, 0, 2)} V"
         )
 

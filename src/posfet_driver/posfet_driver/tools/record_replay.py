@@ -19,6 +19,7 @@ import can
 from rich.console import Console
 from rich.table import Table
 
+from posfet_driver.board.board_report import decoder_fault_counts
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.error_frame import ErrorCounts
@@ -176,17 +177,12 @@ def _all(first: can.Message, rest: Iterator[can.Message]) -> Iterator[Any]:
 
 
 def _table(file: Path, decoder: Decoder | MappedDecoder, errors: ErrorCounts) -> Table:
-    statistics, traffic = decoder.statistics, decoder.traffic
+    traffic = decoder.traffic
     table = Table("item", "count", title=str(file))
     for name, number in (
         ("frames", traffic.frames),
         ("complete scans", decoder.scans),
-        (FaultKind.INCOMPLETE_SCANS.label, statistics.incomplete_scans),
-        (FaultKind.LOST_SCANS.label, statistics.lost_scans),
-        (FaultKind.DUPLICATE_FRAMES.label, statistics.duplicate),
-        (FaultKind.LATE_FRAMES.label, statistics.late),
-        (FaultKind.REORDERED_FRAMES.label, statistics.reordered),
-        (FaultKind.MALFORMED_FRAMES.label, statistics.malformed + traffic.malformed),
+        *((fault.label, count) for fault, count in decoder_fault_counts(decoder).items()),
         ("unrelated frames", traffic.unrelated),
         (FaultKind.ERROR_FRAMES.label, errors.frames),
     ):
