@@ -29,13 +29,19 @@ CAN_CHANNEL: Final = Parameter(
     "can0",
     "Channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...; a serial port may be a pattern: /dev/ttyACM*",
 )
+_SOCKETCAN: Final = "; no effect on a socketcan bus, whose bitrates ip link sets"
 CAN_BITRATE: Final = Parameter(
-    "can_bitrate", 0, "Nominal bitrate; 0: as in the sensor file", unit="bit/s", low=0, high=1_000_000
+    "can_bitrate",
+    0,
+    f"Nominal bitrate; 0: as in the sensor file{_SOCKETCAN}",
+    unit="bit/s",
+    low=0,
+    high=1_000_000,
 )
 CAN_DATA_BITRATE: Final = Parameter(
     "can_data_bitrate",
     0,
-    "Bitrate of the data phase of CAN FD; 0: as in the sensor file",
+    f"Bitrate of the data phase of CAN FD; 0: as in the sensor file{_SOCKETCAN}",
     unit="bit/s",
     low=0,
     high=8_000_000,
