@@ -13,6 +13,7 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import can
@@ -21,13 +22,13 @@ import pytest
 from posfet import can as posfet_can
 from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import ErrorCounts
-from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.recording import messages, recording
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import STATUS_OFFSET, Identification, Identity, Status
 from posfet_driver.protocol.scan_codec import make_codec
-from posfet_driver.tools import list_boards, record_replay
+from posfet_driver.tools import list_boards, monitor, record_replay
 from posfet_driver.tools.bus_options import bus_of
 from posfet_driver.tools.can_cli import make_parser
 from posfet_driver.tools.monitor import Monitor
@@ -127,7 +128,10 @@ def test_only_a_sender_whose_heart_beats_is_listed_as_a_board() -> None:
     identity = Identity(Identification(1, 2, True, 1), 4, 1000)
     frames = [(0x302, CLASSIC, data) for data in statuses] + [(0x305, CLASSIC, identity.pack())]
     other = [(0x402, CLASSIC, statuses[0])] * 6 + [(0x502, CLASSIC, bytes([0, 0, 0, 0, 0, 0xC0, 0, 0]))]
-    (board,) = list_boards.boards(frames + other)
+    search = list_boards.BoardSearch()
+    for frame in frames + other:  # one at a time: a search keeps no frames
+        search.process([frame])
+    (board,) = search.found()
     assert board.row() == ["0x300", "1", "1.4", "5.00"]
 
 
@@ -172,16 +176,16 @@ def test_every_fault_of_the_frames_is_counted_in_the_monitor_and_in_the_summary_
     identifier, kind, data = frames[2]
     frames[2] = identifier, kind, data[:-1] + bytes([data[-1] ^ 1])
     frames.append((SENSOR.can.base_id + STATUS_OFFSET, CLASSIC, bytes(7)))
-    monitor = Monitor(SENSOR, SteppedClock())
+    watched = Monitor(SENSOR, SteppedClock())
     with recording(file) as log:
         for frame in frames:
-            monitor.process([frame])
+            watched.process([frame])
             log(message_of(frame))
     assert main(["replay", str(file), "--decode"]) == 0
     rows = [[cell.strip() for cell in line.split("│")[1:3]] for line in capsys.readouterr().out.splitlines()]
     for label in ("checksum errors", "frozen sequence counter", "malformed frames", "lost scans"):
         assert [label, "1"] in rows
-        assert f"{label} 1  " in monitor.line()
+        assert f"{label} 1  " in watched.line()
     assert ["implausible sequence", "0"] in rows
 
 
@@ -199,6 +203,27 @@ def test_monitor_of_a_stopped_board_shows_no_scan(
     out = capsys.readouterr().out
     assert "no complete scan yet" in out
     assert "newest scan" not in out
+
+
+def test_the_monitor_makes_up_for_no_second_that_a_stop_has_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SteppedClock()
+
+    class StoppedOnce:
+        """A bus whose reader stands still for ten seconds after three."""
+
+        def read_frames(self, timeout: float) -> list[Frame]:
+            clock.sleep(timeout)
+            clock.now += 10_000_000_000 if clock.now == 3_000_000_000 else 0
+            return [(0x55, CLASSIC, b"")]
+
+        def shutdown(self) -> None: ...
+
+    ticks: list[int] = []
+    monkeypatch.setattr(monitor, "open_bus", lambda _: StoppedOnce())
+    monkeypatch.setattr(Monitor, "tick", lambda _: ticks.append(clock.now))
+    posfet_can.main(["monitor", "-i", "virtual", "--for", "16"], clock)
+    assert len(ticks) <= 7
+    assert min(later - before for before, later in pairwise(ticks)) >= 100_000_000
 
 
 def test_an_emulated_board_is_started(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import glob
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -26,12 +26,10 @@ from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.mapped_decoder import make_decoder
 from posfet_driver.protocol.messages import IDENTITY_OFFSET, PROTOCOL_VERSION, STATUS_OFFSET, Identity, Status
 from posfet_driver.tools.bus_options import EMULATOR, bus_of
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import Sensor
 
 SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
 HEARTBEATS_NEEDED: Final = 3
@@ -70,27 +68,36 @@ def adapters() -> list[tuple[str, str]]:
     return [("socketcan", name) for name in can_interface.names()] + [("slcan", port) for port in ports]
 
 
-def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
-    """Return the boards whose status is among `frames`, sorted by base identifier."""
-    detected: dict[int, DetectedBoard] = {}
-    identities: dict[int, Identity] = {}
-    for identifier, kind, data in frames:
-        if kind != CLASSIC:
-            continue
-        if (status := Status.unpack(data)) is not None:
-            base = identifier - STATUS_OFFSET
-            detected.setdefault(base, DetectedBoard(base)).process(status)
-        identity = Identity.unpack(data)
-        if identity is not None and identity.board.protocol == PROTOCOL_VERSION:
-            identities[identifier - IDENTITY_OFFSET] = identity
-    found = [detected[base] for base in sorted(detected) if base >= 0 and detected[base].in_order >= HEARTBEATS_NEEDED]
-    for board in found:
-        board.identity = identities.get(board.base)
-    return found
+class BoardSearch:
+    """Finds the boards whose status is among the frames of a bus."""
+
+    def __init__(self) -> None:
+        self._detected: dict[int, DetectedBoard] = {}
+        self._identities: dict[int, Identity] = {}
+
+    def process(self, frames: Iterable[Frame]) -> None:
+        """Process frames in the order of their arrival."""
+        for identifier, kind, data in frames:
+            if kind != CLASSIC:
+                continue
+            if (status := Status.unpack(data)) is not None:
+                base = identifier - STATUS_OFFSET
+                self._detected.setdefault(base, DetectedBoard(base)).process(status)
+            identity = Identity.unpack(data)
+            if identity is not None and identity.board.protocol == PROTOCOL_VERSION:
+                self._identities[identifier - IDENTITY_OFFSET] = identity
+
+    def found(self) -> list[DetectedBoard]:
+        """Return the boards, sorted by base identifier."""
+        boards = [self._detected[base] for base in sorted(self._detected) if base >= 0]
+        found = [board for board in boards if board.in_order >= HEARTBEATS_NEEDED]
+        for board in found:
+            board.identity = self._identities.get(board.base)
+        return found
 
 
-def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
-    """Return the frames that arrive within `seconds` [s].
+def listen(bus: FrameBus, seconds: float, clock: Clock) -> Iterator[list[Frame]]:
+    """Read the frames that arrive within a time.
 
     Parameters
     ----------
@@ -100,12 +107,15 @@ def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
         Listening time [s].
     clock : Clock
         Clock of the host.
+
+    Yields
+    ------
+    list of Frame
+        The frames of one read.
     """
     end = clock.monotonic() + round(seconds * 1e9)
-    frames: list[Frame] = []
     while (left := end - clock.monotonic()) > 0:
-        frames += bus.read_frames(left / 1e9)
-    return frames
+        yield bus.read_frames(left / 1e9)
 
 
 def run_list(options: argparse.Namespace) -> int:
@@ -140,21 +150,20 @@ def run_list(options: argparse.Namespace) -> int:
 def _rows(options: argparse.Namespace) -> list[list[str]]:
     """Return the table rows of an adapter, one per board."""
     with bus_of(options) as (sensor, settings):
+        search, decoder, frames = BoardSearch(), make_decoder(sensor), 0
+        decoder.start()
         bus = open_bus(settings)
         try:
-            frames = listen(bus, options.seconds, options.clock)
+            for batch in listen(bus, options.seconds, options.clock):
+                frames += len(batch)
+                search.process(batch)
+                for _ in decoder.decode(batch, options.clock.monotonic(), 0):
+                    pass
         finally:
             bus.shutdown()
-    found = [board.row() for board in boards(frames)]
-    if sensor.mapping and _sends_scans(sensor, frames):
+    found = [board.row() for board in search.found()]
+    if sensor.mapping and decoder.scans:
         found.append(["own frames", str(sensor.layout.id), "?", "?"])
     if not found:
-        return [[f"{len(frames)} frames, no board", "", "", "", ""]]
-    return [[f"{len(frames)} frames", *row] for row in found]
-
-
-def _sends_scans(sensor: Sensor, frames: list[Frame]) -> bool:
-    """Return whether there is a scan of the sensor among frames."""
-    decoder = make_decoder(sensor)
-    decoder.start()
-    return any(isinstance(decoded, ScanReady) for decoded in decoder.decode(frames, 0, 0))
+        return [[f"{frames} frames, no board", "", "", "", ""]]
+    return [[f"{frames} frames", *row] for row in found]

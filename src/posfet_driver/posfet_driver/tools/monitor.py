@@ -189,14 +189,14 @@ def _ticks(bus: FrameBus, monitor: Monitor, seconds: float, clock: Clock) -> Ite
     def time() -> float:
         return clock.monotonic() / 1e9
 
-    end = time() + seconds
-    due = time() + PERIOD
+    newest = time()
+    end, due = newest + seconds, newest + PERIOD
     while (now := time()) < end:
         monitor.process(bus.read_frames(max(min(due, end) - now, 0.0)))
-        if time() >= due:
-            due += PERIOD
+        if (now := time()) >= due:
+            newest, due = now, max(due + PERIOD, now + SHORTEST)  # what a pause has missed is not made up for
             monitor.tick()
             yield
-    if end - (due - PERIOD) > SHORTEST or not monitor.rates:
+    if end - newest > SHORTEST or not monitor.rates:
         monitor.tick()
         yield
