@@ -366,6 +366,27 @@ def test_a_board_that_a_user_has_stopped_is_started_when_it_was_closed_and_opene
     assert bench.run(1.0) == 1000
 
 
+@BOTH
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_a_board_is_told_to_stop_until_it_answers_before_the_bus_is_closed(lost: int, fd: bool) -> None:
+    """At most twice: else what is closed would hang on a board that is gone."""
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.link.commands.clear()
+    receive, closed = bench.link.receive, bench.clock.now
+
+    def lossy(frame: Frame, now: int) -> list[Frame]:
+        bench.link.change = {Command.STOP: None} if len(bench.link.commands) < lost else {}
+        return receive(frame, now)
+
+    bench.link.receive = lossy  # type: ignore[method-assign]
+    bench.link.delay = 10 * MILLISECOND
+    bench.board.close()
+    assert [request.command for request in bench.link.commands] == [Command.STOP] * min(lost + 1, 2)
+    assert bench.clock.now - closed == pytest.approx((200 * lost + 10 * (lost < 2)) * MILLISECOND, abs=2 * MILLISECOND)
+    assert bench.board.decoder.frames_lost == 0
+
+
 def stated(bench: Bench, period: int) -> Frame:
     """Return the identity of the board with another scan period [us]."""
     identity = bench.board.decoder.identity

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.board.board_connection import BoardConnection
-from posfet_driver.board.board_starter import BoardStarter
+from posfet_driver.board.board_starter import RESPONSE_TIMEOUT, BoardStarter
 from posfet_driver.board.command_queue import CommandQueue
 from posfet_driver.board.command_sender import CommandSender
 from posfet_driver.board.connection_state import ConnectionState
@@ -27,6 +27,8 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 
 _STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
+STOPS: Final = 2
+"""Number of times that STOP is sent at the most before the bus is closed."""
 STATUS_TIMEOUT: Final = 1.0
 """Time without a status, while scans flow, after which the newest one is forgotten [s]: ten intervals; assumed."""
 _READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
@@ -72,7 +74,13 @@ class BoardSupervisor:
         """Stop the board before the bus is closed; what was said up to then, by board or user, says nothing later."""
         self._stopped = False
         if self._connection.state in _STARTING:
-            self._sender.send(Command.STOP)
+            self._decoder.receiving = False
+            self._connection.take_rest()
+            for _ in self._connection.decoded:
+                pass
+            for _ in range(STOPS):
+                if self._stop_answered():
+                    break
             self._decoder.forget_gap()
         self._sender.forget()
 
@@ -153,6 +161,17 @@ class BoardSupervisor:
             self._go_on()
         else:
             self._starter.handle_response(response, asked)
+
+    def _stop_answered(self) -> bool:
+        """Send STOP, and return whether the response has arrived in time: then it is no longer in the adapter."""
+        connection, tag = self._connection, self._sender.send(Command.STOP)
+        end = self._clock.monotonic() + round(RESPONSE_TIMEOUT * NANOSECONDS)
+        while connection.bus.is_open and (left := end - self._clock.monotonic()) > 0:
+            connection.read(left)
+            for decoded in connection.decoded:
+                if isinstance(decoded, ResponseReceived) and decoded.response.tag == tag:
+                    return True
+        return False
 
     def _go_on(self) -> None:
         """Identify the board and start it, unless a user has stopped it: then it is left alone."""
