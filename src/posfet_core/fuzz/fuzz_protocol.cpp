@@ -21,7 +21,9 @@
 #include <random>
 #include <vector>
 
-#include "posfet_core/protocol/decoded_bytes.hpp"
+#include "posfet_core/protocol/board_decoder.hpp"
+#include "posfet_core/protocol/kernel_frame.hpp"
+#include "posfet_core/protocol/slcan.hpp"
 
 namespace {
 
@@ -113,13 +115,6 @@ public:
     }
   }
 
-  void scan(const CompleteScan& scan, const std::vector<std::uint16_t>& counts) {
-    ++published;
-    checksum_ += scan.status + counts.front();
-  }
-  void message(Found /*found*/, const Frame& frame) { checksum_ += frame.data[frame.length - 1]; }
-  void error(const Frame& frame) { checksum_ += frame.length > 0 ? frame.data[frame.length - 1] : 0U; }
-
 private:
   void feed(const Frame& frame) {
     const Counter before = decoder_.scans();
@@ -130,6 +125,7 @@ private:
     }
     published += decoder_.scans() - before;
     checksum_ += decoder_.scan().status + decoder_.assembler().counts().front();
+    checksum_ += frame.length > 0 ? frame.data[frame.length - 1] : 0U;
   }
 
   void control(Input& input) {
@@ -163,13 +159,15 @@ private:
   void read_lines(Input& input) {
     std::size_t size = 0;
     const std::uint8_t* piece = input.take(input.number(1), size);
-    decode_lines(reader_, decoder_, piece, size, *this);
+    reader_.read(piece, size, [this](const Frame& frame) { feed(frame); });
   }
 
   void read_kernel_frame(Input& input) {
     std::size_t size = 0;
     const std::uint8_t* piece = input.take(input.number(1) % 2 != 0 ? kKernelFdFrame : 16, size);
-    decode_kernel_frame(decoder_, piece, size, *this);
+    if (const auto frame = parse_kernel_frame(piece, size)) {
+      feed(*frame);
+    }
   }
 
   void send_message(Input& input) {

@@ -65,7 +65,7 @@ Found BoardDecoder::feed_classic(const Frame& frame, std::uint32_t offset) {
   const CompleteScan scan = complete(classic_.dated());
   const bool stalled = classic_.clock().stalled();
   if (classic_.doubtful()) {
-    classic_.hold({scan.sequence, scan.device_time, scan.status, classic_.time(), true, stalled, {}});
+    classic_.hold({scan.sequence, scan.device_time, scan.status, classic_.time(), stalled, {}});
     return Found::kNothing;
   }
   publish(scan, classic_.time(), stalled);

@@ -20,7 +20,6 @@
 #include "posfet_core/protocol/board_decoder.hpp"
 #include "posfet_core/protocol/classic_scans.hpp"
 #include "posfet_core/protocol/clock_sync.hpp"
-#include "posfet_core/protocol/decoded_bytes.hpp"
 #include "posfet_core/protocol/fd_scans.hpp"
 #include "posfet_core/protocol/kernel_frame.hpp"
 #include "posfet_core/protocol/slcan.hpp"
@@ -124,44 +123,6 @@ py::object advance(BoardDecoder& decoder, Batch& batch, const py::object& scan) 
   batch.ended = true;
   decoder.end_batch();
   return py::none();
-}
-
-/// What bytes have brought, as a list: each scan as the tuple of its fields and the bytes of its counts, and the frames
-/// of messages and errors.
-class Listed {
-public:
-  void scan(const CompleteScan& scan, const std::vector<std::uint16_t>& counts) {
-    list.append(py::make_tuple(
-        scan.stamp, scan.sequence, scan.device_time, scan.status, scan.frames_lost, scan.stamp_uncertainty,
-        py::bytes(reinterpret_cast<const char*>(counts.data()), counts.size() * sizeof counts[0])));
-  }
-  void message(Found /*found*/, const Frame& frame) { list.append(tuple_of(frame)); }
-  void error(const Frame& frame) { list.append(tuple_of(frame)); }
-
-  py::list list;
-};
-
-py::list decode_bytes_of_lines(BoardDecoder& decoder, LineReader& lines, const py::bytes& data, Wide arrival,
-                               Wide wall_offset) {
-  Listed found;
-  decoder.begin_batch(static_cast<std::int64_t>(arrival), static_cast<std::int64_t>(wall_offset));
-  decode_lines(lines, decoder, bytes_of(data), size_of(data), found);
-  decoder.end_batch();
-  return found.list;
-}
-
-py::list decode_reads(BoardDecoder& decoder, const std::vector<py::bytes>& reads, Wide arrival, Wide wall_offset) {
-  Listed found;
-  decoder.begin_batch(static_cast<std::int64_t>(arrival), static_cast<std::int64_t>(wall_offset));
-  const py::bytes* short_one = nullptr;
-  for (const py::bytes& data : reads) {
-    short_one = decode_kernel_frame(decoder, bytes_of(data), size_of(data), found) ? short_one : &data;
-  }
-  decoder.end_batch();
-  if (short_one != nullptr) {
-    throw too_few(*short_one);
-  }
-  return found.list;
 }
 
 template <typename Class>
@@ -360,11 +321,7 @@ void bind_decoder(const py::module_& module) {
             return batch;
           },
           py::arg("frames"), py::arg("arrival"), py::arg("wall_offset"))
-      .def("advance", &advance, py::arg("batch"), py::arg("scan"))
-      .def("decode_lines", &decode_bytes_of_lines, py::arg("lines"), py::arg("data"), py::arg("arrival"),
-           py::arg("wall_offset"), "Return the scans, messages and error frames in bytes of an adapter, a batch.")
-      .def("decode_kernel_frames", &decode_reads, py::arg("reads"), py::arg("arrival"), py::arg("wall_offset"),
-           "Return the scans, messages and error frames in what reads of a socket have returned, a batch.");
+      .def("advance", &advance, py::arg("batch"), py::arg("scan"));
   module.attr("COMMANDS_KEPT") = kCommandsKept;
 }
 

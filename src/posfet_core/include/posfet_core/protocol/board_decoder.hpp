@@ -7,7 +7,7 @@
 
 /// Decodes the frames of one board into complete, numbered and stamped scans. Knows no bus, thread or clock.
 ///
-/// A thread reads frames, and for each batch calls (decoded_bytes.hpp does it for bytes)
+/// A thread reads frames, and for each batch calls
 ///
 ///     decoder.begin_batch(arrival, wall_offset);
 ///     for (each frame) {

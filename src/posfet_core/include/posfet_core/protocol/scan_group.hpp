@@ -28,9 +28,9 @@ struct Held {
   Wide stated_time = 0;  ///< Device time that the scan states [us]: 0 while the board's clock is frozen.
   unsigned status = 0;   ///< Bits of ScanStatus.
   Wide device_time = 0;  ///< Its time on the board's clock, unwrapped [us].
-  bool timed = true;     ///< Whether its time is certain: else the next header tells it.
   bool stalled = false;  ///< Whether the board's clock stood still: its time is counted on, nobody knows how wrong.
   std::vector<std::uint16_t> counts;  ///< Of one that is held; shape [taxels].
+  bool timed = true;  ///< Of one that is held: whether its time is certain, else the next header tells it.
 };
 
 /// The scans since the newest header, and older ones whose time the next header may tell.
