@@ -66,7 +66,7 @@ class ScanClock:
         self._shape = (sensor.layout.taxels,)
         self._longest = LONGEST_GAP * sensor.device.leak_time_constant
         self._period = 1.0 / sensor.can.scan_rate
-        self._shortest, self._odd = self._period / JUMP_FACTOR, 0.0
+        self._shortest, self._longest_period, self._odd = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR, 0.0
         self._late_in_a_row = 0
         self._restart = 0  # flags of restarts since the last admitted scan, also of scans that were refused
         self._restarted = 0  # stamp of the newest scan with such a flag [ns]
@@ -149,7 +149,7 @@ class ScanClock:
     def _reset(self, scan: Scan) -> None:
         """Bridge a restart of the board by the stamps, which continue."""
         self.counts.resets += 1
-        self.suspect = True
+        self.suspect, self._odd = True, 0.0
         self._bridge((scan.stamp - self._stamp) * 1e-9)
 
     def _bridge(self, interval: float) -> None:
@@ -163,11 +163,14 @@ class ScanClock:
         self.counts.missed += ahead - 1
         expected = ahead * self._period
         estimated = self._estimated or scan.status & _TIME_ESTIMATED
-        interval = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
+        arrived = (scan.stamp - self._stamp) * 1e-9
+        interval = arrived if estimated else (scan.device_time - self._device_time) * 1e-6
         each = interval / ahead
         late = interval - expected > JUMP_LEAST and interval > JUMP_FACTOR * expected
-        if late and abs(each - self._odd) < SAME_INTERVAL * self._odd:  # the board was set to a lower rate
+        repeats = abs(each - self._odd) < SAME_INTERVAL * self._odd and abs(arrived - interval) < 0.5 * interval
+        if late and repeats and not estimated:  # the board was set to a lower rate
             self._period, late = each, False
+            self._longest_period = max(self._longest_period, each)
         self._odd = each if late else 0.0
         if late or interval < 0.0 or (interval == 0.0 and not estimated):
             self.counts.time_jumps += 1
@@ -177,7 +180,7 @@ class ScanClock:
             # Arrival times have jitter, and come in bursts; the board itself scans at a constant rate.
             self._arrivals += 1
             self._update_period(each, max(1.0 / self._arrivals, ESTIMATED_GAIN))
-            self._period = max(self._period, self._shortest)  # many arrive at once
+            self._period = min(max(self._period, self._shortest), self._longest_period)
             interval = ahead * self._period
         elif ahead == 1:
             self._update_period(interval, PERIOD_GAIN)

@@ -240,7 +240,7 @@ def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_agai
 
 
 def test_a_recorder_ends_with_the_input_that_the_program_holds_open(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "posfet.record", WITH_INPUT, str(tmp_path / "x.mcap")]
+    command = [sys.executable, "-m", "posfet.record", WITH_INPUT, str(tmp_path / "x.mcap"), "--for", "1000"]
     run = subprocess.run(
         command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT, check=False
     )
@@ -250,6 +250,7 @@ def test_a_recorder_ends_with_the_input_that_the_program_holds_open(tmp_path: Pa
 
 def test_a_recorder_that_is_dropped_ends(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "x.mcap", ["nobody"])
+    recorder._words += ["--for", "1000"]  # else it would end without a message, too
     recorder.start()
     process = recorder._process
     assert process is not None

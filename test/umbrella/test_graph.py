@@ -267,7 +267,7 @@ def test_ros_reads_every_text_of_a_parameter_file_as_the_text_that_it_is(tmp_pat
 def test_what_an_argument_overrides_in_any_case_is_refused_in_a_parameter_file(tmp_path: Path, key: str) -> None:
     path = tmp_path / "parameters.yaml"
     path.write_text(f"/**:\n  ros__parameters:\n    {key}: '1'\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=rf"{key}: use the argument {key}:=<value>, which overrides it in any case$"):
+    with pytest.raises(ConfigError, match=rf"{key}: use the argument {key}:=<value>, from which the nodes get it$"):
         nodes(str(path))
 
 

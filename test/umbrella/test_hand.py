@@ -101,3 +101,10 @@ def test_simulated_sensors_are_boards_of_their_own_and_real_ones_have_no_seed(tm
     ] * 2
     with pytest.raises(ConfigError, match=r"sensors\[1\]: 'b': seed: needs source:=sim or source:=emulator"):
         hand(tmp_path, text.replace("SOURCE", "can"))
+
+
+def test_what_is_common_counts_for_the_sensors_whose_source_it_goes_with(tmp_path: Path) -> None:
+    file = tmp_path / "hand.yaml"
+    file.write_text("common: {source: can, can_channel: can1}\nsensors: [{name: a}, {name: b, source: sim}]\n")
+    real, simulated = read_hand(file)
+    assert (real["can_channel"], simulated["can_channel"]) == ("can1", "can0")

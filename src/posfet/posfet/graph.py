@@ -62,7 +62,7 @@ NODES: Final = {
 }
 """Parameters of each node, by the name of the node."""
 ALWAYS_GIVEN: Final = {*(each.name for each in SENSOR), *SOURCES_OF}
-"""Parameters that bring-up gives to its nodes by arguments in any case."""
+"""Parameters that are arguments of bring-up, and that its nodes get from these."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def check_params_file(path: str, ros: RosArguments) -> None:
                     key, f"unknown parameter, {did_you_mean(key, known)}known are {', '.join(sorted(known))}"
                 )
             if key in ALWAYS_GIVEN:
-                raise values.error(key, f"use the argument {key}:=<value>, which overrides it in any case")
+                raise values.error(key, f"use the argument {key}:=<value>, from which the nodes get it")
         section.end()
 
 

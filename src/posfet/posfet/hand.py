@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import ARGUMENTS, NAMESPACE, SIMULATED, check, defaults, written_as
+from posfet.arguments import ARGUMENTS, NAMESPACE, SIMULATED, SOURCES_OF, check, defaults, written_as
 from posfet_model._lib.shown import shown
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, Section, is_there, read_yaml
@@ -58,8 +58,12 @@ def read_hand(path: str | Path) -> list[dict[str, str]]:
         own = _arguments(section, folder)
         try:
             namespace = checked_namespace("/".join(filter(None, (hand, name))))
-            values = {**defaults(), **common, **own, NAMESPACE.name: namespace}
-            if values["source"] in SIMULATED and SEED.name not in {*common, *own}:
+            source = {**defaults(), **common, **own}["source"]
+            shared = {key: value for key, value in common.items() if source in SOURCES_OF.get(key, (source,))}
+            for key in common.keys() - shared.keys():  # of other sensors
+                check({**defaults(), "source": SOURCES_OF[key][0], key: common[key]})
+            values = {**defaults(), **shared, **own, NAMESPACE.name: namespace}
+            if source in SIMULATED and SEED.name not in {*common, *own}:
                 values[SEED.name] = str(seed_of(namespace))
             sensors.append(check(values))
         except ConfigError as error:

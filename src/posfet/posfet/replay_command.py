@@ -197,8 +197,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="posfet replay",
         description="Run the raw scans of a recording through the model again: live, with /clock, or into a file.",
-        epilog="Further arguments are name:=value. Live, those of posfet bringup (posfet bringup -s), such as "
-        "calibration_file:=thumb_calibration.yaml; thresholds and other node parameters are in a params_file. With "
+        epilog="Further arguments are name:=value. Live, those of posfet bringup that go with source:=replay (posfet "
+        "bringup -s), such as calibration_file:=thumb_calibration.yaml; thresholds and other node parameters are in a "
+        "params_file. With "
         f"--out: {', '.join(argument.name for argument in TO_FILE)}.",
     )
     parser.add_argument(

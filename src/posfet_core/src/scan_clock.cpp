@@ -41,6 +41,7 @@ ScanClock::ScanClock(std::uint64_t layout, std::size_t taxels, double leak_time_
       longest_(kLongestGap * leak_time_constant),
       period_(1.0 / scan_rate),
       shortest_period_(period_ / kJumpFactor),
+      longest_period_(period_ * kJumpFactor),
       step_(period_) {
   const bool fits = taxels > 0 && leak_time_constant > 0.0 && scan_rate > 0.0;
   if (!fits) {
@@ -125,6 +126,7 @@ void ScanClock::note_restart(const Scan& scan) {
 void ScanClock::reset(const Scan& scan) {
   ++counts_.resets;
   suspect_ = true;
+  odd_ = 0.0;
   bridge(static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9);
 }
 
@@ -141,12 +143,14 @@ void ScanClock::measure(const Scan& scan, std::int64_t ahead) {
   counts_.missed += static_cast<std::uint64_t>(ahead - 1);
   const double expected = static_cast<double>(ahead) * period_;
   const bool estimated = estimated_ || (scan.status & kTimeEstimated) != 0;
-  double interval = estimated ? static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9
-                              : static_cast<double>(difference(scan.device_time, device_time_)) * 1e-6;
+  const double arrived = static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9;
+  double interval = estimated ? arrived : static_cast<double>(difference(scan.device_time, device_time_)) * 1e-6;
   const double each = interval / static_cast<double>(ahead);
   bool late = interval - expected > kJumpLeast && interval > kJumpFactor * expected;
-  if (late && std::abs(each - odd_) < kSameInterval * odd_) {  // the board was set to a lower rate
+  const bool repeats = std::abs(each - odd_) < kSameInterval * odd_ && std::abs(arrived - interval) < 0.5 * interval;
+  if (late && repeats && !estimated) {  // the board was set to a lower rate
     period_ = each;
+    longest_period_ = std::max(longest_period_, each);
     late = false;
   }
   odd_ = late ? each : 0.0;
@@ -159,7 +163,7 @@ void ScanClock::measure(const Scan& scan, std::int64_t ahead) {
     ++arrivals_;
     const auto count = static_cast<double>(ahead);
     update_period(each, std::max(1.0 / static_cast<double>(arrivals_), kEstimatedGain));
-    period_ = std::max(period_, shortest_period_);  // many arrive at once
+    period_ = std::clamp(period_, shortest_period_, longest_period_);  // they may come all at once, or stop
     interval = count * period_;
   } else if (ahead == 1) {
     update_period(interval, kPeriodGain);

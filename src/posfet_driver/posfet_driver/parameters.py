@@ -29,7 +29,9 @@ CAN_CHANNEL: Final = Parameter(
     "can0",
     "Channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...; a serial port may be a pattern: /dev/ttyACM*",
 )
-_SOCKETCAN: Final = "; no effect on a socketcan bus, whose bitrates ip link sets"
+_SOCKETCAN: Final = (
+    "; a socketcan bus is set by ip link, and this is what its load and the errors of stamps are computed with"
+)
 CAN_BITRATE: Final = Parameter(
     "can_bitrate",
     0,

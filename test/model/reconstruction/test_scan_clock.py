@@ -109,6 +109,14 @@ def test_a_board_that_was_set_to_a_much_lower_rate_is_followed(period: float) ->
     assert counted(clock) == {"time_jumps": 1}
 
 
+def test_a_clock_that_runs_a_hundred_times_too_fast_is_no_lower_rate() -> None:
+    clock = clock_after(10)
+    for number in range(1, 20):
+        assert accept(clock, scan(9 + number, device_time=9000 + 100_000 * number))
+        assert clock.suspect
+        assert clock.step == pytest.approx(1e-3, rel=0.01)
+
+
 def test_a_reset_of_a_board_with_another_layout_changes_nothing() -> None:
     clock = clock_after(10)
     assert not accept(clock, scan(3, layout_id=2, status=ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET))

@@ -104,7 +104,8 @@ private:
   std::size_t taxels_;
   double longest_;
   double period_;
-  double shortest_period_;  ///< Of scans that are stamped as they arrive [s].
+  double shortest_period_;  ///< Of scans that are stamped as they arrive [s],
+  double longest_period_;   ///< and longest one.
   double odd_ = 0.0;        ///< The last interval, if it was a clock jump [s]; 0: it was none.
   ScanCounts counts_;
   double step_;

@@ -37,6 +37,8 @@ FIRST_SCAN: Final = 3.0
 """Time within which the first scan has to arrive [s], besides two scan periods."""
 LEAST_SCANS: Final = 2
 """Least number of scans by which the rate is measured, at low scan rates for longer than was asked for."""
+SILENCE: Final = 0.3
+"""Time without a scan at the end of that after which they have stopped [s], besides one and a half scan periods."""
 RATE_TOLERANCE: Final = 0.05
 """Greatest relative difference of the measured rate from the nominal one [1]."""
 POLL: Final = 0.1
@@ -129,12 +131,14 @@ class SelfTest:
         while self._time() < end:
             if board.read(POLL) is not None:
                 newest = self._time()
-        rate = (board.decoder.scans - scans) / (newest - begin) if newest > begin else 0.0
+        scans, silent = board.decoder.scans - scans, end - newest
+        rate = scans / (newest - begin) if newest > begin else 0.0
         lost = board.decoder.frames_lost - lost
         late = 1e3 * board.stamp_uncertainty
         stamps = "stamps estimated from arrivals" if math.isnan(late) else f"stamps at most {late:.2f} ms late"
         text = f"{rate:.1f} scans/s, {lost} frames lost, {stamps}"
-        if lost or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
+        ended = scans < LEAST_SCANS or silent > SILENCE + 1.5 / self._sensor.can.scan_rate
+        if lost or ended or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
             raise CheckFailed(f"{text}; {self._sensor.can.scan_rate:g} scans/s are expected")
         return text
 

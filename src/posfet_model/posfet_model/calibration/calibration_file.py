@@ -23,6 +23,7 @@ from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
     CALIBRATED_LEAK_DEVIATION,
+    NOMINAL_WARMTH_DEVIATION,
     POLES,
     Calibration,
     Residuals,
@@ -266,7 +267,8 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
     """Return the calibration with what version 2 of the format added."""
     count = len(calibration.gain)
     relaxation, warmth = top.section("relaxation"), top.section("warmth")
-    top.number("common_leak_deviation_percent", 0.0, 100.0, default=0.0)  # of older files: not used
+    older = "common_leak_deviation_percent" in top  # it is not used
+    top.number("common_leak_deviation_percent", 0.0, 100.0, default=0.0)
     listed = top.whole("relaxation_poles", 0, POLES)
     calibration = replace(
         calibration,
@@ -286,6 +288,8 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
     )
     if np.any(np.diff(calibration.relaxation_time_constants) <= 0.0):
         raise relaxation.error("time_constants_s", "must be in ascending order")
+    if older and not calibration.warmth_observed:  # another deviation was assumed then
+        calibration = replace(calibration, warmth_deviation=NOMINAL_WARMTH_DEVIATION)
     if "time_constant_s" in warmth:
         calibration = replace(calibration, warmth_time_constant=warmth.number("time_constant_s", 1e-3, 1e4))
     if "weak_share_percent" in warmth:  # of a force of 5 mN; the rest saturated at 50 mN
