@@ -149,10 +149,7 @@ void ScanPath::finish() {
   ForceIntegration& integration = *parts_.integration;
   ContactTracker& tracker = *parts_.tracker;
   DynamicChannel& channel = *parts_.channel;
-  result_.saturated = 0;
-  for (std::size_t taxel = 0; taxel < taxels() && saturated_now_ > 0; ++taxel) {
-    result_.saturated += saturated_[taxel] && !integration.state().ignored[taxel] ? 1 : 0;
-  }
+  result_.saturated = counted_saturated();
   if (saturated_now_ > 0) {
     integration.clip(saturated_.data(), step);
   }
@@ -189,6 +186,15 @@ bool ScanPath::is_plausible(const Scan& scan) {
   ++implausible_in_a_row_;
   ++parts_.clock->counts().implausible;
   return false;
+}
+
+/// Number of saturated taxels that are not faulty.
+std::size_t ScanPath::counted_saturated() const {
+  std::size_t found = 0;
+  for (std::size_t taxel = 0; taxel < taxels() && saturated_now_ > 0; ++taxel) {
+    found += saturated_[taxel] && !parts_.integration->state().ignored[taxel] ? 1 : 0;
+  }
+  return found;
 }
 
 /// Set the result of an unusable scan: the contacts stay as they were, and nothing is valid.

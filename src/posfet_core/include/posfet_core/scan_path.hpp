@@ -132,6 +132,7 @@ public:
 
 private:
   bool is_plausible(const Scan& scan);
+  std::size_t counted_saturated() const;
   void flag(const Scan& scan);
   std::size_t find_with_faulty();
   const ForceEstimate& estimate();
