@@ -19,7 +19,8 @@ LoneDrift::LoneDrift(std::size_t taxels)
       times_(kBlocks, 0.0),
       listed_for_(taxels, 0),
       since_(taxels, 0.0),
-      rate_(taxels, 0.0) {}
+      rate_(taxels, 0.0),
+      held_(taxels) {}
 
 std::optional<LoneDrift::Drift> LoneDrift::observe(const double* mean, const bool* counts, const bool* listed,
                                                    const bool* touched, double variance, double duration) {
@@ -83,41 +84,40 @@ double LoneDrift::find_rates() {
 
 /// Take from the rates of the held taxels what they have in common in proportion to their forces, as those but one
 /// show it.
-void LoneDrift::take_common(const TaxelFlags& held, std::size_t but) {
+void LoneDrift::take_common(std::size_t but) {
   const std::vector<double>& force = means_[(seen_ - 1) % kBlocks];
   double product = 0.0;
   double squares = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double counted = held[taxel] && taxel != but ? force[taxel] : 0.0;
+    const double counted = held_[taxel] && taxel != but ? force[taxel] : 0.0;
     product += rate_[taxel] * counted;
     squares += square(counted);
   }
   const double common = squares > 0.0 ? product / squares : 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    rate_[taxel] -= held[taxel] ? common * force[taxel] : 0.0;
+    rate_[taxel] -= held_[taxel] ? common * force[taxel] : 0.0;
   }
 }
 
 /// Find what the last blocks show.
 LoneDrift::Window LoneDrift::window(const bool* counts, double variance) {
   const double noise = std::sqrt(variance / find_rates());
-  TaxelFlags held(taxels());
   std::size_t fastest = 0;
   double greatest = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    held[taxel] = counts[taxel] && listed_for_[taxel] >= kBlocks;
-    if (held[taxel] && std::abs(rate_[taxel]) > greatest) {
+    held_[taxel] = counts[taxel] && listed_for_[taxel] >= kBlocks;
+    if (held_[taxel] && std::abs(rate_[taxel]) > greatest) {
       fastest = taxel;
       greatest = std::abs(rate_[taxel]);
     }
   }
-  take_common(held, fastest);
+  take_common(fastest);
   double others = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     others = counts[taxel] && taxel != fastest ? std::max(others, std::abs(rate_[taxel])) : others;
   }
   const double duration = times_[(seen_ - 1) % kBlocks] - times_[seen_ % kBlocks];
-  return {fastest, held[fastest] ? rate_[fastest] : 0.0, others, noise, duration};
+  return {fastest, held_[fastest] ? rate_[fastest] : 0.0, others, noise, duration};
 }
 
 }  // namespace posfet

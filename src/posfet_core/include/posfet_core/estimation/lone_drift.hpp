@@ -71,7 +71,7 @@ private:
 
   void remember(const double* mean, const bool* listed, const bool* touched, double duration);
   double find_rates();
-  void take_common(const TaxelFlags& held, std::size_t but);
+  void take_common(std::size_t but);
   Window window(const bool* counts, double variance);
 
   std::vector<std::vector<double>> means_;  ///< Mean forces of the last blocks, in turn [N],
@@ -80,6 +80,7 @@ private:
   std::vector<std::size_t> listed_for_;     ///< Number of blocks for which a taxel has been in contact.
   std::vector<double> since_;               ///< Time since a taxel was untouched, or all was still [s].
   std::vector<double> rate_;                ///< Rates in a window [N/s].
+  TaxelFlags held_;                         ///< Taxels that have been in contact for all of a window.
   std::size_t taxel_ = 0;                   ///< The taxel that drifts,
   std::size_t windows_ = 0;                 ///< in how many windows,
   double first_ = 0.0;                      ///< how fast in the first one [N/s],
