@@ -361,6 +361,21 @@ def test_what_a_hot_object_hides_is_not_valid_and_leaves_no_force(hold: float) -
     assert valid[end + 8600 :].all(), "it was not"
 
 
+def test_what_its_warmth_hides_has_not_left_however_long_it_stays() -> None:
+    """On a board of known warmth: its force was zero after two seconds, valid, and 1.5 N were left for good."""
+    begin, end = 1.0, 6.0
+
+    def force(time: float) -> float:
+        warm = 1.0 - math.exp(-min(max(time - begin, 0.0), end - begin) / 0.5)
+        return press(0.4, begin, end)(time) - warm * math.exp(-max(time - end, 0.0) / 0.5)
+
+    watch = Watch(priors=replace(ErrorPriors(), warmth_mean=0.1))
+    totals = history(watch, SENSOR, end + 5.0, force=force, shape=PATCH).sum(axis=1)
+    assert not any(watch.valid[1500 : round(1000 * end) + 500])
+    assert np.abs(totals[round(1000 * end) + 2500 :]).max() < 0.02
+    assert all(watch.valid[round(1000 * end) + 2500 :])
+
+
 def test_what_a_hot_object_does_to_the_whole_film_is_no_warming_since_before_the_start() -> None:
     watch = Watch()
     hot = [-2.0 * (1.0 - math.exp(-max(0.001 * index - 3.0, 0.0) / 0.5)) for index in range(6001)]

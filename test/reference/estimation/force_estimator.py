@@ -373,7 +373,7 @@ class ForceEstimator:
         scans.rise_deviation = math.hypot(self._gain_common, BRIEF * fastest)
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
-        self._listed, self._touched, self._beside, self._nowhere = np.zeros((4, taxels), np.bool_)
+        self._listed, self._touched, self._beside, self._below, self._nowhere = np.zeros((5, taxels), np.bool_)
 
     # What changes from scan to scan is held by the compiled path.
     valid: bool = _of_scans("valid")
@@ -524,7 +524,7 @@ class ForceEstimator:
         """
         belief, response, p = self.belief, self._touch.matrix(), self._priors
         self._hot = self._shown_hot = self._touches = self._begun = False
-        self._touched_for = 0.0
+        self._touched_for, self._below = 0.0, self._nowhere
         self._thermal_contact.reset()
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
@@ -562,6 +562,7 @@ class ForceEstimator:
         self._left_deviation[:] = self._left
         self._unexplained = UnexplainedResiduals(len(self.force), self._threshold)
         self._hot = self._shown_hot = self._touches = self._begun = self._zero_known = False
+        self._below = self._nowhere
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -656,7 +657,10 @@ class ForceEstimator:
         unknown = self._unexplained.rising | self._surroundings.dilated(suspected)
         hot = self._may_be_hot()
         if hot:  # below zero no object touches, else
-            unknown |= (self._sum / self._scans < -self._threshold) & self._may_be_warm()
+            self._below = (self._sum / self._scans < -self._threshold) & self._may_be_warm()
+            unknown |= self._below
+        else:
+            self._below = self._nowhere
         if self._refutation.wide:
             unknown |= True
         if any_true(self._touched):
@@ -1364,7 +1368,8 @@ class ForceEstimator:
 
     def _may_be_warm(self) -> Mask:
         """Return the taxels of which the film may have been warmed by what touches, or has just touched."""
-        warm: Mask = self._surroundings.dilated(self._touch.warm > WARMED)
+        # What a hot film holds below zero has an unknown force, and so an unknown warmth.
+        warm: Mask = self._surroundings.dilated((self._touch.warm > WARMED) | self._below)
         return warm | self._beside if self._hot else warm
 
     def _find_hot_film(self, below: Mask, residual: Array) -> bool:
@@ -1380,6 +1385,17 @@ class ForceEstimator:
         hot = any_true(below & self._may_be_warm() & possible)
         self._hot, self._shown_hot = self._hot or hot, self._shown_hot or hot
         return hot
+
+    def _find_hot_touch(self) -> None:
+        """Find whether what touches is so hot that force and warmth are hardly separable.
+
+        No object pulls, yet the force of all contacts is below zero by more than less warmth explains.
+        """
+        counted = self._listed & (~self.ignored | self.informative)
+        below = counted & (self._mean < -self._threshold)
+        least = -GREATEST_WARMTH * float(np.abs(self._per_kelvin[below]).sum())
+        if any_true(below) and self._mean[counted].sum() < least - GATE * self._total_deviation(counted):
+            self._find_hot_film(below, self._mean)
 
     def _follow_touch(self, block: Block) -> None:
         """Follow the touch: one that lasts, and shows no hot film, ends what an earlier one has shown."""
@@ -1435,6 +1451,7 @@ class ForceEstimator:
         self._mean = block.mean - self._filter.predicted(block.response)
         self._follow_usual(block)
         self._set_covariance(block)
+        self._find_hot_touch()
         self._recovering = max(0.0, self._recovering - block.duration)
         failed = ~(np.abs(self.force) <= self._runaway)
         if any_true(failed):
@@ -1574,8 +1591,7 @@ class ForceEstimator:
         touched = self._touched & counted
         any_touched = any_true(touched)
         total = float(self.force[counted].sum())
-        variance = float(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
-        deviation = math.sqrt(variance)
+        deviation = self._total_deviation(counted)
         self._refutation.end_block(duration, total, deviation)
         self._recent_force.append(abs(total))
         if self.touch_at_start and not self._zero_known:
@@ -1597,6 +1613,10 @@ class ForceEstimator:
         noise = math.sqrt(float(self._noise_variance[counted].sum()))
         force = greatest if present < RELEASING * greatest else present - GATE * noise  # a release
         return deviation <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
+
+    def _total_deviation(self, counted: Mask) -> float:
+        """Return the standard deviation of the total force of some taxels [N]."""
+        return math.sqrt(self._own[counted].sum() + np.square(self._factor[counted].sum(axis=0)).sum())
 
     def _confirm_offsets(self, duration: float) -> None:
         """Mark offsets as known once the array has been still."""

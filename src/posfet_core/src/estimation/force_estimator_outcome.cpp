@@ -60,6 +60,7 @@ void ForceEstimator::finish(const Block& block) {
   }
   absorbed_.follow(block, b, rate, beside_);
   set_covariance(block);
+  find_hot_touch();
   recovering_ = std::max(0.0, recovering_ - block.duration);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = !(std::abs(s.force[taxel]) <= kRunaway * array_.greatest_force);  // NaN, too
@@ -162,6 +163,22 @@ bool ForceEstimator::is_valid(double duration) {
     return false;
   }
   return !may_touch || is_certain(chosen_, deviation);
+}
+
+/// Find whether what touches is so hot that force and warmth are hardly separable: no object pulls, yet the force of
+/// all contacts is below zero by more than less warmth explains.
+void ForceEstimator::find_hot_touch() {
+  double total = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    chosen_[taxel] = listed_[taxel] && counts(taxel);
+    zeros_[taxel] = chosen_[taxel] && mean_[taxel] < -array_.threshold;
+    total += chosen_[taxel] ? mean_[taxel] : 0.0;
+    total += zeros_[taxel] ? kGreatestWarmth * std::abs(array_.newton_per_kelvin[taxel]) : 0.0;
+  }
+  if (zeros_.any() && total < -kGate * total_deviation(chosen_)) {
+    hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
+    hot_film_.explains(zeros_, mean_, array_.newton_per_kelvin);
+  }
 }
 
 /// Whether what touches may have warmed the film so much that force and warmth are hardly separable.

@@ -44,7 +44,9 @@ void ForceEstimator::find_touched(Block& block) {
     const bool moving = touched_[taxel] && !left;
     const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
     block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
+    odd_[taxel] = below;
   }
+  hot_film_.hold(odd_);
 }
 
 /// Whether a touch leaves too few taxels to show the film's temperature.

@@ -26,7 +26,7 @@ constexpr double kWarmingTimes = 2.0;
 void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& beside,
                         const ContactSurroundings& surroundings) {
   for (std::size_t taxel = 0; taxel < warmth.size(); ++taxel) {
-    near_[taxel] = warmth[taxel] > kWarmed;
+    near_[taxel] = warmth[taxel] > kWarmed || below_[taxel];
   }
   surroundings.dilate(near_, warm_);
   for (std::size_t taxel = 0; taxel < warmth.size(); ++taxel) {
@@ -70,6 +70,7 @@ void HotFilm::interrupt() {
 void HotFilm::forget() {
   hot_ = shown_ = touches_ = begun_ = false;
   touched_for_ = 0.0;
+  below_.fill(false);
 }
 
 }  // namespace posfet

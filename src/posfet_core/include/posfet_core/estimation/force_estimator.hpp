@@ -290,6 +290,7 @@ private:
   void find_absorbed();
   void set_covariance(const Block& block);
   bool is_valid(double duration);
+  void find_hot_touch();
   bool may_be_hot() const;
   double object_deviation(std::size_t taxel) const;
   double total_deviation(const TaxelFlags& counted) const;

@@ -24,17 +24,22 @@ public:
   static constexpr double kWarmed = 0.05;
 
   /// Time constant of the warmth of touched taxels [s].
-  HotFilm(std::size_t taxels, double warmth_time) : warmth_time_(warmth_time), near_(taxels), warm_(taxels) {}
+  HotFilm(std::size_t taxels, double warmth_time)
+      : warmth_time_(warmth_time), near_(taxels), below_(taxels), warm_(taxels) {}
 
   /// Whether this or the last touch has shown a hot film.
   bool hot() const { return hot_; }
 
   /// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so: by the
-  /// warmth of each relative to that of a long touch, and by what is beside the present touch.
+  /// warmth of each relative to that of a long touch, by what is beside the present touch, and by what it held below
+  /// zero, whose force, and so whose warmth, is unknown.
   void find_warm(const std::vector<double>& warmth, const TaxelFlags& beside, const ContactSurroundings& surroundings);
 
   /// What `find_warm` found.
   const TaxelFlags& warm() const { return warm_; }
+
+  /// Keep the taxels that a hot film may hold below zero.
+  void hold(const TaxelFlags& below) { below_.set(below.data()); }
 
   /// Process forces below zero of some taxels [N], of pyroelectric signals [N/K]; return whether a hot film explains
   /// one of them, as a touch may have warmed it and no object pulls: not one as brief as what looks like a touch where
@@ -59,6 +64,7 @@ private:
   bool begun_ = false;        ///< Whether the beginning of the present or last touch was seen.
   double touched_for_ = 0.0;  ///< How long this or the last touch has lasted [s].
   TaxelFlags near_;           ///< Taxels that are warm themselves.
+  TaxelFlags below_;          ///< Taxels that a hot film may hold below zero.
   TaxelFlags warm_;
 };
 
