@@ -156,6 +156,10 @@ def test_invalid_namespaces_are_rejected(params_file: str, namespace: str) -> No
             "/tactile/driver_nodee:\n  ros__parameters: {}\n",
             "driver_nodee: no such node, known are model_node",
         ),
+        *(
+            (f"{name}:\n  ros__parameters: {{}}\n", f"{name}: the nodes are in a namespace; write /**/{node} for any")
+            for name, node in (("model_node", "model_node"), ("/driver_node", "driver_node"), ("/*", "*"))
+        ),
         ("/**:\n  ros__parameter: {}\n", "ros__parameters: missing"),
         ("root:x:0:0\n", "must be a mapping"),
         ("/**: [\n", "is not valid YAML"),

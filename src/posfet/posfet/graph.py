@@ -118,9 +118,11 @@ def check_params_file(path: str, ros: RosArguments) -> None:
         raise ConfigError(f"params_file: no such file: {path}")
     top = read_yaml(path)
     for name in top.names():
-        node = name.rsplit("/", 1)[-1]
+        around, _, node = name.rpartition("/")
         if node not in {*tables, "*", "**"}:
             raise top.error(name, f"no such node, known are {', '.join(tables)}")
+        if not around and node != "**":  # ROS would pass over it
+            raise top.error(name, f"the nodes are in a namespace; write /**/{node} for any")
         section = top.section(name)
         values = section.section("ros__parameters")
         known = {each.name for table in ([tables[node]] if node in tables else tables.values()) for each in table}

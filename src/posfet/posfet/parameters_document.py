@@ -49,7 +49,8 @@ _NODES: Final = """\
 
 For `params_file` ([shipped one](../src/posfet/config/parameters.yaml)) and
 `ros2 run <package> <node> --ros-args -p name:=value`. `ros2 param describe /tactile/<node> <name>` prints the
-same description."""
+same description. A section of the file is for all nodes (`/**`), for a node in any namespace (`/**/model_node`) or in
+one (`/hand/thumb/model_node`); one without a namespace is refused, as ROS would pass over it."""
 
 _HEADING: Final = (
     "| name | type | unit | default | range or choices | read-only | description |",
