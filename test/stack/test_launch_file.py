@@ -19,7 +19,13 @@ pytest.importorskip("launch", reason="needs launch; test_bringup.py expects the 
 pytest.importorskip("launch_ros", reason="needs launch_ros")
 
 from launch import LaunchDescription, LaunchService
-from launch.actions import ExecuteProcess, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    GroupAction,
+    IncludeLaunchDescription,
+    SetLaunchConfiguration,
+)
 from launch.launch_description_sources import PythonLaunchDescriptionSource, load_python_launch_file_as_module
 
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, choices
@@ -66,6 +72,20 @@ def test_the_browser_view_needs_one_process() -> None:
     module = load_python_launch_file_as_module(LAUNCH_FILE)
     with pytest.raises(ConfigError, match=r"^web: needs composed:=true"):
         module.processes(None, {"composed": "false"}, ["--web"], None)
+
+
+@pytest.mark.parametrize(("forwarding", "expected"), [(True, 1), (False, 0)])
+def test_a_group_keeps_arguments_of_other_files_out(
+    monkeypatch: pytest.MonkeyPatch, forwarding: bool, expected: int
+) -> None:
+    module = load_python_launch_file_as_module(LAUNCH_FILE)
+    monkeypatch.setattr(module, "Node", lambda **given: ExecuteProcess(cmd=["true"], on_exit=given["on_exit"]))
+    ours = [SetLaunchConfiguration("source", "can"), *module.generate_launch_description().entities]
+    group = GroupAction(ours, forwarding=forwarding)
+    service = LaunchService(noninteractive=True)
+    of_the_robot = DeclareLaunchArgument("scene", default_value="kitchen")  # with source:=can ours would be refused
+    service.include_launch_description(LaunchDescription([of_the_robot, group]))
+    assert service.run() == expected
 
 
 def ended_with(monkeypatch: pytest.MonkeyPatch, folder: Path, codes: list[int]) -> tuple[int, int]:
