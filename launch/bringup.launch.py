@@ -111,7 +111,7 @@ def processes(
 
 
 def parameter_file(spec: NodeSpec) -> str:
-    """Return the path of a file with the node's parameters, removed when the launch ends.
+    """Return the path of a file with the node's parameters, removed when the launch ends, unless a signal kills it.
 
     A dictionary would not do: launch_ros writes texts without quotes where PyYAML needs none, and ROS reads 0815, 1e5
     and y as numbers and a boolean.
