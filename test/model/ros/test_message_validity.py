@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
 
 from rclpy.serialization import deserialize_message
 
-from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.reconstruction.reconstructor import InvalidReason, Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
 from posfet_model.ros.contacts_message import ContactsMessage
 from posfet_model.ros.map_messages import ImageMessage, VibrationMessage
@@ -147,3 +149,39 @@ def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
     assert reasons == TactileWrench.REASON_BASELINE_UNKNOWN | REASONS.get(edit, 0)
     # A force held through an interruption is a lower bound; what a clipped signal hid is half of the force.
     assert valid[-1] == (edit not in (lost, overload, frozen))
+
+
+def test_a_contact_whose_force_is_unknown_leaves_no_total() -> None:
+    """A taxel in the corner is dead, and so is that from which it would be interpolated: the rest is no total."""
+    gain = np.ones(LAYOUT.taxels)
+    gain[[0, LAYOUT.cols + 1]] = math.nan
+    reconstructor = Reconstructor(SENSOR, replace(Calibration.nominal(SENSOR), gain=gain))
+    corner = sphere_forces(
+        -1.5 * LAYOUT.pitch_x,
+        -2.0 * LAYOUT.pitch_y,
+        1.0,
+        6e-3,
+        1e6,
+        SENSOR.device.contact_spread,
+        LAYOUT.pitch_x,
+        LAYOUT.rows,
+    )
+    image_message, wrench_message = ImageMessage(LAYOUT, "finger"), WrenchMessage(LAYOUT, "finger")
+    estimate_message, contacts_message = WrenchEstimateMessage(LAYOUT, "finger"), ContactsMessage(SENSOR, "finger")
+    for _, scan in scans(SENSOR, 1.0, force=press(1.0, 0.5, 9.0), shape=corner):
+        result = reconstructor.process(scan)
+    picture = reconstructor.image()
+    contacts = contacts_message.fill(result)
+    assert contacts.data_valid
+    (contact,) = contacts.contacts
+    assert math.isnan(contact.force.z)
+    assert math.isnan(contact.normal_force_deviation)
+    image = image_message.fill(result, picture)
+    assert math.isnan(image.total_force)
+    assert math.isnan(image.total_force_standard_deviation)
+    wrench, estimate = wrench_message.fill(result, picture), estimate_message.fill(result, picture, reconstructor)
+    for each in (wrench.wrench, estimate.wrench):
+        assert all(math.isnan(getattr(vector, axis)) for vector in (each.force, each.torque) for axis in "xyz")
+    assert not estimate.data_valid
+    assert estimate.reasons == InvalidReason.CONTACT_UNKNOWN
+    assert not any(estimate.covariance)

@@ -25,7 +25,7 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model._lib.validation import real_number
 from posfet_model.contacts.slip import Motion
 from posfet_model.contacts.tracker import Contact as TrackedContact
-from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare, total_reasons
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.surface import Surface, wrench_per_newton
@@ -332,10 +332,11 @@ class Session:
 
     def _wrench(self, step: _Step) -> Wrench:
         image = self._model.image()
-        known = step.result.valid and math.isfinite(image.total)
+        known = not total_reasons(step.result, image)
         whole = self._wrench_per_newton @ image.load if known else np.full(6, math.nan)
         covariance = self._model.covariance(self._wrench_per_newton) if known else np.full((6, 6), math.nan)
-        return Wrench(*self._stamp(step), whole[:3], whole[3:], covariance)
+        time, stamp, sequence, _ = self._stamp(step)
+        return Wrench(time, stamp, sequence, known, whole[:3], whole[3:], covariance)
 
 
 def _within(length: float, steps: Iterator[_TimedT]) -> Iterator[_TimedT]:

@@ -74,11 +74,12 @@ class ForceImage:
     """Values of TaxelStatus."""
     load: NDArray[np.float64]
     """Force of each taxel in sums such as `total` [N]: as `force`; of faulty taxels an own reading that is still
-    informative, or, while there is a contact, the interpolation by their neighbours; 0: not known."""
+    informative, or, while there is a contact, the interpolation by their neighbours; where these tell nothing, NaN in a
+    contact; 0: not known, and in no contact."""
     load_variance: NDArray[np.float64]
     """Variance of each load without what the errors have in common [N2]."""
     total: float
-    """Sum of the loads [N]; NaN: all forces are unknown."""
+    """Sum of the loads [N]; NaN: all forces are unknown, or that of a contact is."""
     total_standard_deviation: float
     """Standard uncertainty of the sum [N]; NaN: unknown."""
 

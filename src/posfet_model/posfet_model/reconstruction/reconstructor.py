@@ -55,6 +55,8 @@ class InvalidReason(IntFlag):
     """The scan was refused for its content."""
     NO_TAXEL = 16
     """None of these, but every taxel is faulty."""
+    CONTACT_UNKNOWN = 32
+    """Of a total only: that of a contact is unknown, as a taxel in it is faulty and no neighbour tells its force."""
 
 
 @dataclass(slots=True, eq=False)
@@ -150,6 +152,25 @@ class _LastResult(Reconstruction):
 
 _REASONS: Final = tuple(InvalidReason(bits) for bits in range(32))
 """What the compiled path gives as bits."""
+
+
+def total_reasons(result: Reconstruction, image: ForceImage) -> InvalidReason:
+    """Return why the total force of a scan is not fit for control: its contacts may be, while one of them is unknown.
+
+    Parameters
+    ----------
+    result : Reconstruction
+        Result of the scan.
+    image : ForceImage
+        Force image of the scan.
+
+    Returns
+    -------
+    InvalidReason
+        The reasons; NONE if the total is fit for control.
+    """
+    known = result.reasons or math.isfinite(image.total)
+    return result.reasons if known else InvalidReason.CONTACT_UNKNOWN
 
 
 @dataclass(frozen=True, eq=False)
@@ -503,12 +524,22 @@ class Reconstructor:
         np.copyto(image.load_variance, self._variance, where=self._measured)
         image.total = float(estimator.force.sum(where=self._measured))
         if self._result.contacts and self._faults.any_faulty:
-            np.copyto(image.load, np.nan_to_num(self._filled), where=self._interpolated)
+            np.copyto(image.load, self._interpolated_loads(), where=self._interpolated)
             np.copyto(image.load_variance, np.square(self._path.filled_deviation), where=self._interpolated)
             image.total += float(image.load.sum(where=self._interpolated))
         variance = float(image.load_variance.sum())  # NaN: a taxel without a usable neighbour
         shared = self._errors.sum(axis=0, where=self._measured[:, np.newaxis])
         image.total_standard_deviation = math.sqrt(variance + float(np.square(shared).sum()))
+
+    def _interpolated_loads(self) -> NDArray[np.float64]:
+        """Return the loads of interpolated taxels [N]; of one that no neighbour tells NaN in a contact, else 0."""
+        unknown = self._interpolated & np.isnan(self._filled)
+        if not unknown.any():
+            return self._filled
+        loads = np.nan_to_num(self._filled)
+        for patch in self._finder.patches:
+            loads[patch[unknown[patch]]] = math.nan
+        return loads
 
     def covariance(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the covariance of weighted sums of the forces of the last `image`, such as a wrench.

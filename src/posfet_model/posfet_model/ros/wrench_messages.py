@@ -16,7 +16,7 @@ from geometry_msgs.msg import Wrench, WrenchStamped
 from numpy.typing import NDArray
 
 from posfet_model.reconstruction.force_image import ForceImage
-from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, total_reasons
 from posfet_model.ros.message_fields import set_stamp, set_vector
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.surface import wrench_per_newton
@@ -92,7 +92,7 @@ class WrenchEstimateMessage:
         reconstructor : Reconstructor
             Source of both, for the covariance.
         """
-        message, reasons = self._message, result.reasons
+        message, reasons = self._message, total_reasons(result, image)
         set_stamp(message.header.stamp, result.stamp)
         message.sequence = result.sequence
         message.data_valid, message.reasons = not reasons, int(reasons)

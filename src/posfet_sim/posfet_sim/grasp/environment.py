@@ -253,7 +253,7 @@ class GraspEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         observation = {
             "force": self._force.copy(),
             "contact": np.stack([_strongest(result) for result in self._results]),
-            "valid": np.array([result.valid for result in self._results], np.int8),
+            "valid": np.array([_is_known(result) for result in self._results], np.int8),
             "command": np.array([self._mechanics.command], np.float32),
             "time": np.array([self._mechanics.time], np.float32),
         }
@@ -272,6 +272,11 @@ class GraspEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "static_friction": grasped.static_friction,
             "lift_time": grasped.lift_time,
         }
+
+
+def _is_known(result: Reconstruction) -> bool:
+    """Return whether forces are fit for control, and that of each contact is known."""
+    return result.valid and not any(math.isnan(each.region.force) for each in result.contacts)
 
 
 def _strongest(result: Reconstruction) -> NDArray[np.float32]:
