@@ -17,9 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_core.scan_path import TouchResponse
-from posfet_model.calibration.bending_fit import SLOW, BendingFit, BendingSources, UntouchedTaxel, fit_bending
+from posfet_model.calibration.bending_fit import BendingFit, BendingSources, UntouchedTaxel, fit_bending
 from posfet_model.calibration.fit_checks import MAX_BENDING, FitError, check_bending
-from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION
+from posfet_model.calibration.taxel_calibration import CHIP_WARMING_TIMES, NOMINAL_BENDING_DEVIATION
 from posfet_model.estimation.error_states import BENDS, ErrorPriors, Shared
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.grid import compiled_layout
@@ -116,11 +116,11 @@ def test_an_object_that_warms_the_chip_does_not_bend_it() -> None:
     force = presses(range(TAXELS))
     sources = BendingSources(LAYOUT, BLOCK * np.arange(len(force)), force, np.zeros(len(force)), FILM_LAG)
     warming = np.array([0.01, 0.02, 0.05])
-    warmth = sources.of_all(0, PER_KELVIN, np.zeros(len(force)))[:, BENDS : BENDS + len(SLOW)] @ warming
+    warmth = sources.of_all(0, PER_KELVIN, np.zeros(len(force)))[:, BENDS : BENDS + len(CHIP_WARMING_TIMES)] @ warming
     fit = found(force, SIZES, warmth)
     np.testing.assert_allclose(fit.sizes, SIZES, rtol=0, atol=2e-4)
     # What all of it amounts to within the presses is known better than which time constant it has.
-    after = -np.expm1(-2.0 / np.array(SLOW))
+    after = -np.expm1(-2.0 / np.array(CHIP_WARMING_TIMES))
     assert fit.warming @ after == pytest.approx(warming @ after, rel=0.05)
 
 

@@ -28,6 +28,7 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.bending_fit import BendingSources
 from posfet_model.calibration.leaky_response import block_means, play_distance
 from posfet_model.calibration.response_fit import Segment, TaxelResponse, block_size
+from posfet_model.calibration.taxel_calibration import COVER_SPREADS, PLAY_HALF_WIDTHS
 from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.grid import EDGE_NEIGHBOURS, neighbour_lists
@@ -35,10 +36,6 @@ from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newt
 
 MIN_FORCE: Final = 0.2
 """Every taxel has to be pressed with at least this force [N]."""
-
-PLAY_HALF_WIDTHS: Final = (0.005, 0.02, 0.08)
-"""Half widths r of the play operators that model the film's hysteresis, relative to the maximum force [1], assumed: for
-loops of small and of large forces; equally spaced in their logarithm, up to a fifth of a press of the rig."""
 
 SOURCES: Final = 1 + len(PLAY_HALF_WIDTHS)
 """Number of sources of a taxel: force, and its distance from each play operator."""
@@ -61,9 +58,6 @@ TAIL: Final = 6.0
 
 LEAD: Final = 0.3
 """A taxel is fitted from this long before a force on [s]."""
-
-COVER_SPREADS: Final = (0.5, 0.75, 1.25, 1.6, 2.4)
-"""Spreads of covers, relative to that of the sensor file [1]: the cover of a board is a mixture of these with it."""
 
 MAX_CROSSTALK: Final = 0.2
 """Largest share of a neighbour's signal that is compensated [1]."""

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.leaky_response import low_pass
-from posfet_model.calibration.taxel_calibration import NOMINAL_BENDING_DEVIATION
+from posfet_model.calibration.taxel_calibration import CHIP_WARMING_TIMES, NOMINAL_BENDING_DEVIATION
 from posfet_model.sensor.description import Layout
 
 PROFILE_PRIOR: Final = 0.5
@@ -42,18 +42,18 @@ PROFILE_PRIOR: Final = 0.5
 LEAST_BENDING: Final = 0.5e-3
 """bending below which it is not told from other causes [1]; both assumed."""
 
-SLOW: Final = (0.1, 1.0, 10.0)
-"""Time constants with which an object warms the chip, and the film charges all taxels [s]."""
+WARMING_DEVIATION: Final = 0.1
+"""Standard deviation of the size of the warming with each of `CHIP_WARMING_TIMES` [K/N], assumed."""
 
-SLOW_DEVIATION: Final = 0.1
-"""Standard deviation of the size of each [K/N], assumed."""
+BENDS: Final = len(NOMINAL_BENDING_DEVIATION)
+"""Number of sizes of the bending."""
 
 CROSSTALK_DEVIATION: Final = 0.02
 """Standard deviation of the crosstalk that is left after its compensation [1], assumed."""
 
 PRIOR_DEVIATIONS: Final = (
     *NOMINAL_BENDING_DEVIATION,
-    *(SLOW_DEVIATION for _ in SLOW),
+    *(WARMING_DEVIATION for _ in CHIP_WARMING_TIMES),
     NOMINAL_BENDING_DEVIATION[0],  # of what presses beside the array
     CROSSTALK_DEVIATION,
 )
@@ -69,7 +69,7 @@ class BendingFit:
     deviations: Array
     """Their standard deviations [1], shape [4]."""
     warming: Array
-    """By how much an object warms the chip with each of `SLOW`, per total force [K/N], shape [3]."""
+    """By how much an object warms the chip with each of `CHIP_WARMING_TIMES`, per total force [K/N], shape [3]."""
     profile: Array
     """Part p of each of the taxels that were given in the bending [1], shape [taxels]."""
 
@@ -83,7 +83,7 @@ class BendingSources:
         self._places = np.stack([np.ones(layout.taxels), _places(col, layout.cols), _places(row, layout.rows)])
         self._total, *self._moments = self._places @ force.T
         self._beside = beside
-        self._slow = [low_pass(time, low_pass(time, self._total, pole), film_lag) for pole in SLOW]
+        self._slow = [low_pass(time, low_pass(time, self._total, pole), film_lag) for pole in CHIP_WARMING_TIMES]
 
     def of_bending(self, taxel: int, part: float = 1.0) -> Array:
         """Return the sources of bending of a taxel with its part p of it [N], shape [scans, 4]."""
@@ -140,13 +140,16 @@ def fit_bending(taxels: Iterable[UntouchedTaxel]) -> BendingFit:
     left = value - system @ np.linalg.solve(information + prior, moment)
     # What all taxels show at once, as a temperature that changes, is no independent noise of each.
     scores = [np.bincount(block, column * left) for column in system.T]
-    scatter = max(1.0, float(np.sum(np.square(scores[:4]))) / max(float(np.trace(information[:4, :4])), 1e-9))
+    scatter = max(
+        1.0, float(np.sum(np.square(scores[:BENDS]))) / max(float(np.trace(information[:BENDS, :BENDS])), 1e-9)
+    )
     covariance: Array = np.linalg.inv(information / scatter + prior)
     sizes: Array = (covariance @ moment) / scatter
     left = value - system @ sizes
     parts = [slice(*each) for each in pairwise(ends)]
     profile = np.array([_part_of(system[each, 0], left[each], float(sizes[0]), scatter) for each in parts])
-    return BendingFit(sizes[:4], np.sqrt(np.diag(covariance))[:4], sizes[4 : 4 + len(SLOW)], profile)
+    warming = sizes[BENDS : BENDS + len(CHIP_WARMING_TIMES)]
+    return BendingFit(sizes[:BENDS], np.sqrt(np.diag(covariance))[:BENDS], warming, profile)
 
 
 def _part_of(total: Array, left: Array, size: float, scatter: float) -> float:

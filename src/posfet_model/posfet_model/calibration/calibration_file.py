@@ -23,7 +23,11 @@ from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
     CALIBRATED_LEAK_DEVIATION,
+    CHIP_WARMING_TIMES,
+    COVER_SPREADS,
+    NOMINAL_BENDING_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
+    PLAY_HALF_WIDTHS,
     POLES,
     Calibration,
     Residuals,
@@ -306,38 +310,38 @@ def _with_deviations(calibration: Calibration, top: Section, taxels: Section) ->
         )
         leak.end()
     if "bending" in top:
-        bending = top.section("bending")
+        bending, bends = top.section("bending"), len(NOMINAL_BENDING_DEVIATION)
         calibration = replace(
             calibration,
-            bending=np.array(bending.numbers("sizes_mN_per_N", 4, -1000.0, 1000.0)) * 1e-3,
-            bending_deviation=np.array(bending.numbers("deviations_mN_per_N", 4, 0.0, 1000.0)) * 1e-3,
+            bending=np.array(bending.numbers("sizes_mN_per_N", bends, -1000.0, 1000.0)) * 1e-3,
+            bending_deviation=np.array(bending.numbers("deviations_mN_per_N", bends, 0.0, 1000.0)) * 1e-3,
         )
         if "profile" in bending:
             profile = np.array(bending.numbers("profile", count, -100.0, 100.0))
             calibration = replace(calibration, bending_profile=profile)
         bending.end()
     if "cover" in top:
-        cover = top.section("cover")
+        cover, covers = top.section("cover"), 1 + len(COVER_SPREADS)
         calibration = replace(
             calibration,
-            cover_spreads=np.array(cover.numbers("spreads_mm", 6, 0.0, 1000.0)) * 1e-3,
-            cover_shares=np.array(cover.numbers("shares_percent", 6, 0.0, 100.0)) / 100,
+            cover_spreads=np.array(cover.numbers("spreads_mm", covers, 0.0, 1000.0)) * 1e-3,
+            cover_shares=np.array(cover.numbers("shares_percent", covers, 0.0, 100.0)) / 100,
         )
         cover.end()
     if "chip_warming" in top:
-        warming = top.section("chip_warming")
+        warming, sizes = top.section("chip_warming"), len(CHIP_WARMING_TIMES)
         calibration = replace(
             calibration,
-            chip_warming_time_constants=np.array(warming.numbers("time_constants_s", 3, 1e-3, 1e6)),
-            chip_warming=np.array(warming.numbers("sizes_K_per_N", 3, -10.0, 10.0)),
+            chip_warming_time_constants=np.array(warming.numbers("time_constants_s", sizes, 1e-3, 1e6)),
+            chip_warming=np.array(warming.numbers("sizes_K_per_N", sizes, -10.0, 10.0)),
         )
         warming.end()
     if "hysteresis" in top:
-        hysteresis = top.section("hysteresis")
+        hysteresis, loops = top.section("hysteresis"), len(PLAY_HALF_WIDTHS)
         calibration = replace(
             calibration,
-            hysteresis_half_widths=np.array(hysteresis.numbers("half_widths_N", 3, 1e-6, 1e6)),
-            hysteresis_weights=np.array(hysteresis.numbers("weights_percent", 3, -100.0, 100.0)) / 100,
+            hysteresis_half_widths=np.array(hysteresis.numbers("half_widths_N", loops, 1e-6, 1e6)),
+            hysteresis_weights=np.array(hysteresis.numbers("weights_percent", loops, -100.0, 100.0)) / 100,
             hysteresis_slope=hysteresis.number("slope_percent", -100.0, 100.0) / 100,
         )
         hysteresis.end()

@@ -35,7 +35,12 @@ from posfet_model.calibration.response_fit import (
     fit_responses,
     least_of_parabola,
 )
-from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_FORCE, NOMINAL_WARMTH_TIME_CONSTANT, POLES
+from posfet_model.calibration.taxel_calibration import (
+    NOMINAL_WARMTH_FORCE,
+    NOMINAL_WARMTH_TIME_CONSTANT,
+    POLES,
+    WARMTH_LEAST_DIFFERENCE,
+)
 from posfet_model.calibration.temperature_fit import TemperatureFit, fit_temperature
 from posfet_model.sensor.signal_chain import charge_per_newton
 
@@ -72,9 +77,6 @@ COVER_PRIOR: Final = 0.5
 
 MIN_UNTOUCHED: Final = 3
 """Fewest untouched taxels from which the common-mode signal is known."""
-
-WARMTH_UNCERTAINTY: Final = (3e-3, 0.25)
-"""Standard deviation of the temperature rise from touch to touch: absolute [K], and relative to it [1]; assumed."""
 
 
 class FitSteps:
@@ -313,7 +315,7 @@ class FitSteps:
         self.warmth_time, self.warmth_force = NOMINAL_WARMTH_TIME_CONSTANT, NOMINAL_WARMTH_FORCE
         self.warmth_steepness = 1.0
         nominal = self.fit_all(before)
-        if abs(float(nominal.common[POLES])) < WARMTH_UNCERTAINTY[0]:
+        if abs(float(nominal.common[POLES])) < WARMTH_LEAST_DIFFERENCE:
             return  # no more than the taxels may differ by: what fits best is that of something else
 
         def fit_with(time: float, force: float) -> ResponseFit:
@@ -418,7 +420,7 @@ class FitSteps:
         self.segments = segments
         prior = np.array([*(SIZE_PRIOR,) * POLES, WARMTH_PRIOR, *(COVER_PRIOR,) * max(len(covers) - 1, 0)])
         if with_slopes:
-            warmth = max(abs(float(before.common[POLES])), WARMTH_UNCERTAINTY[0])
+            warmth = max(abs(float(before.common[POLES])), WARMTH_LEAST_DIFFERENCE)
             prior = np.array([*prior, warmth * WARMTH_TIME_SPREAD, warmth * WARMTH_FORCE_SPREAD])
         return fit_responses(
             segments,

@@ -35,15 +35,13 @@ import numpy as np
 
 from posfet_model._lib.types import Mask
 from posfet_model.calibration.bench_signals import (
-    COVER_SPREADS,
     MIN_FORCE,
-    PLAY_HALF_WIDTHS,
     TYPICAL_FORCE,
     BenchSignals,
     Recording,
     loop_slopes,
 )
-from posfet_model.calibration.bending_fit import SLOW, BendingFit
+from posfet_model.calibration.bending_fit import BendingFit
 from posfet_model.calibration.cover_fit import find_cover
 from posfet_model.calibration.fit_checks import (
     LEAK_DEVIATION,
@@ -55,14 +53,19 @@ from posfet_model.calibration.fit_checks import (
     check_warmth,
     leakage_deviation,
 )
-from posfet_model.calibration.fit_steps import WARMTH_UNCERTAINTY, FitSteps
+from posfet_model.calibration.fit_steps import FitSteps
 from posfet_model.calibration.hold_out_error import hold_out_error
 from posfet_model.calibration.response_fit import ResponseFit
 from posfet_model.calibration.stuck_bits import find_stuck_bits
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_COMMON_GAIN_DEVIATION,
+    CHIP_WARMING_TIMES,
+    COVER_SPREADS,
     NOMINAL_WARMTH_DEVIATION,
+    PLAY_HALF_WIDTHS,
     POLES,
+    WARMTH_LEAST_DIFFERENCE,
+    WARMTH_SPREAD,
     Calibration,
 )
 from posfet_model.calibration.temperature_fit import TemperatureFit
@@ -188,7 +191,7 @@ def _calibration(
     deviation = math.sqrt(float(found.common_covariance[poles, poles])) if poles else math.inf
     if deviation < MAX_WARMTH_DEVIATION:
         warmth = float(found.common[poles])
-        warmth_deviation = math.hypot(deviation, WARMTH_UNCERTAINTY[0] + WARMTH_UNCERTAINTY[1] * abs(warmth))
+        warmth_deviation = math.hypot(deviation, WARMTH_LEAST_DIFFERENCE + WARMTH_SPREAD * abs(warmth))
     spreads = np.array((1.0, *COVER_SPREADS) if len(bench.cover) > 1 else ()) * sensor.device.contact_spread
     film_lag, sensor_lag = sensor.device.thermal_time_constant, 0.0
     temperature: dict[str, float] = {}
@@ -227,7 +230,7 @@ def _calibration(
         bending_profile=steps.profile,
         cover_spreads=spreads,
         cover_shares=bench.cover[: len(spreads)],
-        chip_warming_time_constants=np.array(SLOW),
+        chip_warming_time_constants=np.array(CHIP_WARMING_TIMES),
         chip_warming=bending.warming,
         temperature_sensor_lag=sensor_lag,
         temperature=bench.pressed_temperature,

@@ -52,11 +52,27 @@ NOMINAL_WARMTH_FORCE: Final = 0.05
 NOMINAL_WARMTH_TIME_CONSTANT: Final = 0.5
 """Time constant of that temperature rise [s], assumed."""
 
+WARMTH_LEAST_DIFFERENCE: Final = 3e-3
+"""Standard deviation of the temperature rise from taxel to taxel, and from touch to touch [K], and"""
+
+WARMTH_SPREAD: Final = 0.25
+"""in addition to it, as a share of the rise that they have in common [1]; both assumed."""
+
 NOMINAL_BENDING_DEVIATION: Final = (3e-3, 1.5e-3, 1.5e-3, 1.5e-3)
 """Standard deviations of the bending of the chip, uncalibrated, as in `Calibration.bending` [1], assumed."""
 
+CHIP_WARMING_TIMES: Final = (0.1, 1.0, 10.0)
+"""Time constants with which an object warms the chip, and the film charges all taxels [s], one per decade."""
+
 POLES: Final = 3
 """Number of relaxation poles: a spread of time constants over three decades is one pole per decade."""
+
+PLAY_HALF_WIDTHS: Final = (0.005, 0.02, 0.08)
+"""Half widths r of the play operators that model the film's hysteresis, relative to the maximum force [1], assumed: for
+loops of small and of large forces; equally spaced in their logarithm, up to a fifth of a press of the rig."""
+
+COVER_SPREADS: Final = (0.5, 0.75, 1.25, 1.6, 2.4)
+"""Spreads of covers, relative to that of the sensor file [1]: the cover of a board is a mixture of these with it."""
 
 UNCALIBRATED_ERROR: Final = 0.1
 """Error of the total force without a calibration [1]: docs/accuracy.md, ablation, 9 % of a press and of a hold, rounded

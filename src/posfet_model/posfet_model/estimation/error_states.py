@@ -18,11 +18,15 @@ from enum import IntEnum
 from typing import Any, Final
 
 from posfet_model.calibration.taxel_calibration import (
+    CHIP_WARMING_TIMES,
     NOMINAL_BENDING_DEVIATION,
     NOMINAL_WARMTH_DEVIATION,
     NOMINAL_WARMTH_FORCE,
     NOMINAL_WARMTH_TIME_CONSTANT,
+    PLAY_HALF_WIDTHS,
     POLES,
+    WARMTH_LEAST_DIFFERENCE,
+    WARMTH_SPREAD,
     Calibration,
 )
 
@@ -72,10 +76,10 @@ class Shared(IntEnum):
 CREEPS: Final = POLES
 """Number of slow responses of the film."""
 
-LOOPS: Final = 3
+LOOPS: Final = len(PLAY_HALF_WIDTHS)
 """Sizes of the loops of the film's hysteresis."""
 
-BENDS: Final = 4
+BENDS: Final = len(NOMINAL_BENDING_DEVIATION)
 """Number of the states of bending, from `Shared.BEND` on."""
 
 COUNT: Final = Shared.CREEP + CREEPS
@@ -105,9 +109,9 @@ class ErrorPriors:
     """The same with calibration [K/s/N], where bending is known: the rest of a common change is temperature."""
     warming_share: float = 0.25
     """Error of the rate at which an object is expected to warm the chip, as that rate changes [1]."""
-    chip_times: tuple[float, ...] = (0.1, 1.0, 10.0)
+    chip_times: tuple[float, ...] = CHIP_WARMING_TIMES
     """Time constants with which an object warms the chip [s], and"""
-    chip_warming: tuple[float, ...] = (0.0, 0.0, 0.0)
+    chip_warming: tuple[float, ...] = (0.0,) * len(CHIP_WARMING_TIMES)
     """by how much, expected, per total force [K/N]."""
     fastest: float = 3.0
     """Greatest change of the chip's rate between two readings [K/s]."""
@@ -158,9 +162,9 @@ class ErrorPriors:
     """Warmth of a touched taxel, expected [K], and"""
     warmth: float = NOMINAL_WARMTH_DEVIATION
     """its standard deviation [K]."""
-    warmth_least: float = 3e-3
+    warmth_least: float = WARMTH_LEAST_DIFFERENCE
     """Difference between the warmth of one taxel and that of the others [K], and"""
-    warmth_spread: float = 0.25
+    warmth_spread: float = WARMTH_SPREAD
     """as a share of the common warmth [1]."""
     warmth_force: float = NOMINAL_WARMTH_FORCE
     """Force of a taxel at which it has 1 - 1/e of that warmth [N], assumed: the thermal contact saturates, and"""
