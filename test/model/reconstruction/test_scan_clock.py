@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posfet_model.reconstruction.diagnostics import Level, Period, judge
+from posfet_model.reconstruction.diagnostics import Level, Period, is_silent, judge
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -186,7 +186,8 @@ GOOD = ScanCounts(accepted=1000)
     ("after", "state", "level", "word"),
     [
         (GOOD, {}, Level.OK, "valid"),
-        (ScanCounts(), {}, Level.ERROR, "no scans"),
+        (ScanCounts(), {"silent": True}, Level.ERROR, "no scans"),
+        (ScanCounts(), {}, Level.OK, "valid"),
         (ScanCounts(accepted=9, layout_mismatch=1), {}, Level.ERROR, "sensor file"),
         (ScanCounts(layout_mismatch=1), {}, Level.ERROR, "sensor file"),
         (ScanCounts(accepted=9, adc_fault=1), {}, Level.ERROR, "ADC"),
@@ -208,10 +209,19 @@ GOOD = ScanCounts(accepted=1000)
 def test_the_diagnostic_level_names_the_cause(
     after: ScanCounts, state: dict[str, Any], level: Level, word: str
 ) -> None:
-    known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, "calibrated": True, **state}
+    known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, "calibrated": True}
+    known |= {"silent": False} | state
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text
+
+
+@pytest.mark.parametrize(("rate", "longest"), [(1000.0, 1), (10.0, 1), (2.0, 1), (1.0, 2), (0.5, 4), (0.1, 20)])
+def test_a_slow_board_is_silent_after_two_of_its_periods(rate: float, longest: int) -> None:
+    """Reports come once a second: at 0.5 Hz every second one has no scan."""
+    silent = [is_silent(float(without), rate) for without in range(40)]
+    assert silent.index(True) == longest
+    assert all(silent[longest:])
 
 
 def test_arrival_times_are_averaged() -> None:

@@ -11,9 +11,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 from posfet_model.calibration.taxel_calibration import UNCALIBRATED_ERROR
 from posfet_model.reconstruction.scan_clock import ScanCounts
+
+SILENCE: Final = 1.0
+"""Time without a scan from which on there are none [s]; of a board with few scans per second"""
+
+SILENT_PERIODS: Final = 2.0
+"""this many of its scan periods, if that is longer [1]."""
 
 
 class Level(IntEnum):
@@ -28,8 +35,8 @@ class Level(IntEnum):
 class Period:
     """Events in the period between two reports, and the state at its end."""
 
-    scans: int
-    """Scans accepted."""
+    silent: bool
+    """Whether no scan has been accepted for so long that the board sends none."""
     layout_mismatch: int
     """Scans refused because their layout is not that of the sensor."""
     adc_fault: int
@@ -67,6 +74,7 @@ class Period:
         faulty: int,
         temperature_known: bool,
         calibrated: bool,
+        silent: bool,
     ) -> Period:
         """Return the period between two counts.
 
@@ -80,6 +88,8 @@ class Period:
             Whether a temperature sensor reports at the end.
         calibrated : bool
             Whether the forces are those of a calibrated sensor.
+        silent : bool
+            Whether the board sends no scans, see `is_silent`.
 
         Returns
         -------
@@ -87,7 +97,7 @@ class Period:
             Events and state of the period.
         """
         return cls(
-            scans=after.accepted - before.accepted,
+            silent=silent,
             layout_mismatch=after.layout_mismatch - before.layout_mismatch,
             adc_fault=after.adc_fault + after.implausible - before.adc_fault - before.implausible,
             bursts=after.bursts - before.bursts,
@@ -114,6 +124,24 @@ class Verdict:
     """One line: cause and remedy."""
 
 
+def is_silent(without: float, rate: float) -> bool:
+    """Return whether no scans arrive, and not only few.
+
+    Parameters
+    ----------
+    without : float
+        Time since the last report that knew new scans [s].
+    rate : float
+        Scans per second by the board clock [Hz].
+
+    Returns
+    -------
+    bool
+        Whether that is longer than `SILENCE` and `SILENT_PERIODS` of the board.
+    """
+    return without >= max(SILENCE, SILENT_PERIODS / rate)
+
+
 def judge(period: Period) -> Verdict:
     """Return the most severe finding of a period.
 
@@ -130,7 +158,7 @@ def judge(period: Period) -> Verdict:
     faults = (
         (period.layout_mismatch > 0, Level.ERROR, "layout mismatch, scans refused: set this board's sensor file"),
         (period.adc_fault > 0, Level.ERROR, "ADC fault, scans refused: check supply and wiring of the board"),
-        (period.scans == 0, Level.ERROR, "no scans: check that the driver is running and active"),
+        (period.silent, Level.ERROR, "no scans: check that the driver is running and active"),
         (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are unknown; check the bus"),
         (period.resets > 0, Level.WARN, "board restarted: forces are tracked across it; check its supply"),
         (period.time_jumps > 0, Level.WARN, "board clock jumped: intervals taken from the sequence"),

@@ -54,18 +54,21 @@ class ModelDiagnostics:
         self._hardware = hardware_id(sensor, node.get_namespace())
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
+        self._without = 0.0  # time since the last report that knew new scans [s]
         node.create_timer(REPORT_PERIOD, self._report)
 
     def forget(self) -> None:
         """Count scans and events from 0, as a new reconstructor does."""
-        self._reported = ScanCounts()
+        self._reported, self._without = ScanCounts(), 0.0
 
     def _report(self) -> None:
         active, report = self._observe()
         if report is None:
             return
         before, self._reported = self._reported, report.counts
-        verdict = self._with_dropped(report.verdict(before))
+        quiet = active and report.counts.accepted == before.accepted
+        self._without = self._without + REPORT_PERIOD if quiet else 0.0
+        verdict = self._with_dropped(report.verdict(before, self._without))
         level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
         values = report.values(before, REPORT_PERIOD)
         values["dropped as too late"] = str(self._queue.dropped)

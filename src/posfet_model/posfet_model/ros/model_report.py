@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from posfet_model.reconstruction.diagnostics import Period, Verdict, judge
+from posfet_model.reconstruction.diagnostics import Period, Verdict, is_silent, judge
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.scan_clock import ScanCounts
 
@@ -36,14 +36,23 @@ class ModelReport:
         self._hum_frequency, self._hum_amplitude = model.hum_frequency, model.hum_amplitude
         self._calibration = model.calibration
 
-    def verdict(self, before: ScanCounts) -> Verdict:
-        """Return level and text for the scans since `before`."""
-        calibrated = self._calibration.calibrated
-        return judge(
-            Period.between(
-                before, self.counts, self._unsettled, self._saturated, self._faulty, self._temperature_known, calibrated
-            )
-        )
+    def verdict(self, before: ScanCounts, without: float) -> Verdict:
+        """Return level and text for the scans since `before`.
+
+        Parameters
+        ----------
+        before : ScanCounts
+            Numbers at the report before.
+        without : float
+            Time since the last report that knew new scans [s]; 0 if this one does.
+
+        Returns
+        -------
+        Verdict
+            The most severe finding.
+        """
+        state = self._unsettled, self._saturated, self._faulty, self._temperature_known, self._calibration.calibrated
+        return judge(Period.between(before, self.counts, *state, is_silent(without, self._rate)))
 
     def values(self, before: ScanCounts, period: float) -> dict[str, str]:
         """Return the keys and values of the status.
