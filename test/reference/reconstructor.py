@@ -104,6 +104,7 @@ class Reconstructor:
     def close_block(self) -> None:
         """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
         estimator, faults, path = self.estimator, self.faults, self.path
+        duration = estimator.block_time
         touched = path.finder.touched.copy()
         near = path.finder.dilated(touched, self._margin)
         variance = estimator.steady_variance(self._variance)
@@ -123,7 +124,7 @@ class Reconstructor:
         if begins and not hummed and self.hum.strong:
             estimator.forget()
         self._choose_interpolated()
-        self._set_thresholds()
+        self._set_thresholds(duration)
 
     def _choose_interpolated(self) -> None:
         """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
@@ -134,7 +135,7 @@ class Reconstructor:
             self.estimator.informative[:] = informative
         self.path.set_faulty(faults.faulty.copy(), faults.faulty & ~informative)
 
-    def _set_thresholds(self) -> None:
+    def _set_thresholds(self, duration: float = 0.0) -> None:
         """Set the contact thresholds by the uncertainty of the forces, and that uncertainty itself."""
         estimator, path = self.estimator, self.path
         path.set_variance(estimator.force_variance(np.zeros_like(self._variance)))
@@ -143,4 +144,4 @@ class Reconstructor:
         usable = estimator.offset_known | path.interpolated
         if estimator.valid and not self.faults.any_faulty:
             usable = np.ones_like(usable)
-        path.finder.update_thresholds(estimator.force, variance, usable)
+        path.finder.update_thresholds(estimator.force, variance, usable, duration)

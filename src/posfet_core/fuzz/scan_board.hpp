@@ -225,7 +225,7 @@ struct Board {
   /// What the end of a block sets, with given variances and thresholds by them.
   void end_block(const std::vector<double>& variance) {
     const ForceIntegration::State& state = integration->state();
-    finder->thresholds().update(state.force.data(), variance.data(), state.offset_known.data());
+    finder->thresholds().update(state.force.data(), variance.data(), state.offset_known.data(), kBlock);
     path->set_variance(variance.data());
     integration->start_block(true);
     history->keep(2);

@@ -40,6 +40,7 @@ BlockEnd::BlockEnd(std::shared_ptr<ScanPath> path, BlockParts parts, Taxel margi
 }
 
 void BlockEnd::close() {
+  const double duration = parts_.estimator->block_time();
   const Mask& touched = parts_.finder->thresholds().touched_since_update();
   for (std::size_t taxel = 0; taxel < touched.size(); ++taxel) {
     touched_[taxel] = touched[taxel] != 0;
@@ -53,7 +54,7 @@ void BlockEnd::close() {
     parts_.estimator->forget();  // it has started with a hum, which no zero explains
   }
   choose_interpolated();
-  set_thresholds();
+  update_thresholds(duration);
 }
 
 void BlockEnd::start() {
@@ -125,7 +126,10 @@ void BlockEnd::choose_interpolated() {
   path_->set_faulty(faults.faulty().data(), flags_.data());
 }
 
-void BlockEnd::set_thresholds() {
+void BlockEnd::set_thresholds() { update_thresholds(0.0); }
+
+/// Set the thresholds, after `duration` since they were set [s].
+void BlockEnd::update_thresholds(double duration) {
   const ForceEstimator& estimator = *parts_.estimator;
   estimator.force_variance(variance_.data());
   path_->set_variance(variance_.data());
@@ -136,7 +140,8 @@ void BlockEnd::set_thresholds() {
     variance_[taxel] = interpolated[taxel] ? 0.0 : variance_[taxel];  // their forces are interpolated
   }
   const bool all = estimator.valid() && !parts_.faults->any_faulty();
-  parts_.finder->thresholds().update(estimator.force().data(), variance_.data(), all ? nullptr : flags_.data());
+  parts_.finder->thresholds().update(estimator.force().data(), variance_.data(), all ? nullptr : flags_.data(),
+                                     duration);
 }
 
 }  // namespace posfet

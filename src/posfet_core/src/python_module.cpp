@@ -117,12 +117,12 @@ void bind_detection(const py::module_& module) {
           py::arg("enter"), py::arg("release"), "Use other thresholds [N] from the next `update_thresholds` on.")
       .def(
           "update_thresholds",
-          [](ContactFinder& finder, const Values& force, const Values& variance, const Flags& usable) {
+          [](ContactFinder& finder, const Values& force, const Values& variance, const Flags& usable, double duration) {
             const Taxel taxels = finder.grid().taxels();
             finder.thresholds().update(values_of(force, taxels, "force"), values_of(variance, taxels, "variance"),
-                                       flags_of(usable, taxels, "usable"));
+                                       flags_of(usable, taxels, "usable"), duration);
           },
-          py::arg("force"), py::arg("variance"), py::arg("usable") = py::none(),
+          py::arg("force"), py::arg("variance"), py::arg("usable") = py::none(), py::arg("duration") = kRecentTime,
           "Set the thresholds according to the uncertainty of the forces.")
       .def(
           "find",

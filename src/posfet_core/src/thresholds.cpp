@@ -27,10 +27,11 @@ Thresholds::Thresholds(Taxel taxels, ContactThresholds contact) : contact_(conta
   }
 }
 
-void Thresholds::update(const double* force, const double* variance, const bool* usable) {
+void Thresholds::update(const double* force, const double* variance, const bool* usable, double duration) {
+  const double kept = std::pow(kRecentDecay, duration / kRecentTime);
   for (std::size_t taxel = 0; taxel < touched_.size(); ++taxel) {
     const double deviation = std::sqrt(variance[taxel]);
-    recent_[taxel] = std::fmax(force[taxel], kRecentDecay * recent_[taxel]);
+    recent_[taxel] = std::fmax(force[taxel], kept * recent_[taxel]);
     const double residual = kResidualHysteresis * recent_[taxel];
     enter_[taxel] = maximum(maximum(contact_.enter, residual), kEnterDeviations * deviation);
     floor_[taxel] = deviation * kReleaseDeviations;

@@ -105,7 +105,7 @@ def find(
 ) -> list[Region]:
     finder = finder or ContactFinder(sensor)
     variance = np.full(sensor.layout.taxels, NOISE**2)
-    finder.update_thresholds(forces, variance)
+    finder.update_thresholds(forces, variance, duration=more.get("block", 0.02))
     taxels = ForceEstimate(forces, variance, more.get("saturated"), correlated_error=more.get("correlated_error"))
     finder.find(forces)
     return list(finder.measure(taxels))
@@ -208,13 +208,16 @@ def test_a_held_contact_lasts_despite_high_uncertainty_and_ends_on_release() -> 
     assert not finder.find(forces)
 
 
-def test_residual_hysteresis_after_a_strong_touch_is_no_contact_and_expires() -> None:
+@pytest.mark.parametrize("block", [0.02, 0.05, 0.1])
+def test_residual_hysteresis_after_a_strong_touch_is_no_contact_and_expires(block: float) -> None:
+    """After five seconds at any scan rate: with fewer than 50 scans per second a block has one."""
     finder = ContactFinder(SENSOR)
     forces = np.zeros(LAYOUT.taxels)
-    for newton, blocks, contacts in ((2.0, 1, 1), (0.03, 2, 0), (0.05, 1, 1), (0.03, 1, 0), (0.03, 250, 1)):
+    expires = round(5.0 / block)
+    for newton, blocks, contacts in ((2.0, 1, 1), (0.03, 2, 0), (0.05, 1, 1), (0.03, 1, 0), (0.03, expires, 1)):
         forces[12] = newton
         for _ in range(blocks):
-            found = find(forces, finder=finder)
+            found = find(forces, finder=finder, block=block)
         assert len(found) == contacts, (newton, blocks)
 
 

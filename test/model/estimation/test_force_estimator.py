@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.force_estimator import BLOCK, RESUME_TIME, ForceEstimator
+from posfet_model.estimation.force_estimator import BLOCK, LAG, RESUME_TIME, ForceEstimator
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import InverseSignalChain, force_noise_rms
 from reference.dense_pressure import sphere_forces
@@ -573,6 +573,24 @@ def test_the_scan_rate_does_not_matter(rate: float) -> None:
     forces = history(watch, SENSOR, 2.5, force=press(1.0, 1.0, 60.0), shape=PATCH, rate=rate)
     assert forces[-1].sum() == pytest.approx(1.0, abs=0.02)
     assert watch.estimator.valid
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 50.0])
+def test_the_rate_of_a_chip_that_changed_under_a_contact_is_no_press_that_zeros_have_hidden(rate: float) -> None:
+    """What the rate was before the stored blocks is compared only once no contact is in any of them."""
+    watch, cools = Watch(), 9.9
+    watch._last = -1.0 / rate
+    for time, scan in scans(
+        SENSOR,
+        10.0 + LAG * max(1.0 / rate, BLOCK),
+        force=press(2.0, 5.0, 10.0),
+        shape=PATCH,
+        rate=rate,
+        temperature=lambda time: 25.0 - max(0.0, time - cools),
+    ):
+        watch.process(time, scan)
+        unnoticed = np.abs(watch.estimator.correlated_error[:, COUNT + 1]).max()
+        assert time < 10.0 or unnoticed == 0.0, f"{time:.2f} s"
 
 
 def test_the_temperature_sensors_are_not_needed_for_a_steady_chip() -> None:

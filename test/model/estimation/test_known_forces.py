@@ -132,8 +132,8 @@ DEVIATION = 0.01
 class Release:
     """The detector with contacts that stay listed."""
 
-    def __init__(self) -> None:
-        self.detector = ReleaseDetector(TAXELS)
+    def __init__(self, block: float = BLOCK) -> None:
+        self.detector, self.block = ReleaseDetector(TAXELS), block
         self.variance, self.noise = np.full(TAXELS, DEVIATION**2), np.full(TAXELS, NOISE**2)
         self.last = deque([np.zeros(TAXELS)] * STILL_BLOCKS, maxlen=STILL_BLOCKS)
 
@@ -145,7 +145,9 @@ class Release:
         for force in forces:
             rise = force - self.last[0]
             self.last.append(force)
-            released = self.detector.update(contacts, force, force, rise, touched, self.variance, self.noise)
+            released = self.detector.update(
+                contacts, force, force, rise, touched, self.variance, self.noise, self.block
+            )
             found.append(np.flatnonzero(released).tolist())
         return found
 
@@ -170,6 +172,16 @@ def test_a_single_taxel_was_released_although_its_force_is_three_deviations() ->
 
 def test_a_contact_is_not_released_while_its_force_is_significant() -> None:
     assert first(Release().run(hold(1.0, 20) + hold(2.5 * DEVIATION, 100))) is None
+
+
+@pytest.mark.parametrize("block", [0.02, 0.05, 0.1])
+def test_a_peak_is_no_longer_recent_after_the_same_time_at_any_scan_rate(block: float) -> None:
+    """After 30 s a fifth of it is left: 0.4 of 2 N, which has become uncertain since, is no rest of it then."""
+    release = Release(block)
+    release.variance[:] = (0.01 * DEVIATION) ** 2
+    assert first(release.run(hold(2.0, 20) + hold(0.4, round(30.0 / block)))) is None
+    release.variance[:] = 1.0
+    assert first(release.run(hold(0.4, 20))) is None
 
 
 def test_a_contact_is_not_released_while_it_has_a_good_part_of_its_peak_left() -> None:
@@ -226,7 +238,9 @@ def test_motion_that_bending_hides_keeps_a_taxel_unknown_and_a_contact_listed() 
     for number in range(20):
         course = at(0.012 - 0.0005 * number, *CONTACT.tolist())
         mean = at(0.5 * DEVIATION, *CONTACT.tolist())
-        released = release.detector.update([CONTACT], mean, course, NOTHING, touched, release.variance, release.noise)
+        released = release.detector.update(
+            [CONTACT], mean, course, NOTHING, touched, release.variance, release.noise, BLOCK
+        )
         assert not released.any()
     assert not release.detector.has_left(taxel, 0.5 * DEVIATION, NOISE)
 

@@ -40,7 +40,10 @@ HELD_SHARE: Final = 0.5
 release removes the whole force at once."""
 
 RECENT_DECAY: Final = 0.996
-"""Decay of the recent force from one threshold update to the next [1]: 5 s of blocks of 20 ms."""
+"""Decay of the recent force [1] in"""
+
+RECENT_TIME: Final = 0.02
+"""this time [s], a block: 5 s."""
 
 RESIDUAL_HYSTERESIS: Final = 0.02
 """Share of a force that the film's hysteresis may leave after its release [1], assumed: less force is no contact."""
@@ -214,6 +217,7 @@ class ContactFinder:
         force: NDArray[np.float64],
         variance: NDArray[np.float64],
         usable: NDArray[np.bool_] | None = None,
+        duration: float = RECENT_TIME,
     ) -> None:
         """Set the thresholds according to the uncertainty of the forces.
 
@@ -225,9 +229,11 @@ class ContactFinder:
             Variance of each force that it does not share with others [N2].
         usable : ndarray of bool, shape [rows * cols], optional
             Taxels that may be in a contact; None: all.
+        duration : float, optional
+            Time since the last update [s].
         """
         deviation = np.sqrt(variance)
-        np.fmax(force, RECENT_DECAY * self._recent, out=self._recent)
+        np.fmax(force, RECENT_DECAY ** (duration / RECENT_TIME) * self._recent, out=self._recent)
         residual = RESIDUAL_HYSTERESIS * self._recent
         np.maximum(np.maximum(self._threshold, residual), ENTER_DEVIATIONS * deviation, out=self._enter)
         np.multiply(deviation, RELEASE_DEVIATIONS, out=self._floor)

@@ -603,7 +603,9 @@ class ForceEstimator:
         predicted = self._filter.predicted(block.response)
         course = block.mean - predicted + block.response[:, bends] @ self.belief.shared[bends]
         rise = block.mean - self._blocks[-1 - STILL_BLOCKS].mean if len(self._blocks) > STILL_BLOCKS else self._nothing
-        released = self._release.update(contacts, self._mean, course, rise, self._touched, variance, block.noise)
+        released = self._release.update(
+            contacts, self._mean, course, rise, self._touched, variance, block.noise, block.duration
+        )
         left = self._thermal_contact.find_left(contacts)
         if released is None and any_true(left):
             released = np.zeros_like(left)
@@ -689,10 +691,15 @@ class ForceEstimator:
         was = self._touched if self._is_whole(self._touched) else self._listed & ~beside
         return usable & was & ~listed & self.offset_known & (self._sum > self._scans * self._threshold)
 
+    def _has_rested(self, longer: float = 0.0) -> bool:
+        """Return whether the last contact ended before the stored blocks, and so long before them [s]."""
+        lasted = sum(each.duration for each in self._blocks)
+        return self._rested >= LAG * BLOCK + longer and self._rested + 0.5 * BLOCK >= lasted + longer
+
     def _observe_rest(self, block: Block) -> None:
         """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
         self._rested = 0.0 if any_true(block.listed) else self._rested + self._elapsed
-        at_rest = len(self._blocks) == LAG and self._rested >= LAG * BLOCK + QUIET
+        at_rest = len(self._blocks) == LAG and self._has_rested(QUIET)
         self._observe_steps(at_rest)
         usable = ~self.ignored
         comparable = np.count_nonzero(usable) >= UniformChange.FEWEST and self._uniform.observable
@@ -1031,7 +1038,8 @@ class ForceEstimator:
         self._filter.belief = self._blocks[0].before
         if self._refuted:
             self._witnesses.clear()
-            direction = self._dynamics.maneuver(self.belief.shared, LAG * BLOCK)
+            lasted = sum(each.duration for each in self._blocks)
+            direction = self._dynamics.maneuver(self.belief.shared, max(LAG * BLOCK, lasted))
             self._filter.admit(direction, (self._refuted / direction[Shared.FILM]) ** 2)
         blocks = tuple(self._blocks)  # the newest one may restart taxels, which forgets them
         shown = touched & (blocks[-1].listed | self._unexplained.rising)
@@ -1049,7 +1057,7 @@ class ForceEstimator:
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
         kelvin, deviations, square, spread = self._measure_temperature(self._filter, block, any_true(zeros))
         hidden = any_true(zeros) and kelvin * self._mean_per_kelvin < 0.0 and not self._uniform.open
-        hidden = hidden and self._rested >= LAG * BLOCK  # a release moves the rate, too
+        hidden = hidden and self._has_rested()  # a release moves the rate, too
         self._refuted = kelvin if hidden and deviations > CONTRADICTED and self._was_misled() else 0.0
         if self._refuted:
             self._refutation.refute()
@@ -1318,7 +1326,7 @@ class ForceEstimator:
         if not self._uniform.open:
             self._unheated = None
         self._unconfirmed = claimed - shown if self._unheated is not None else 0.0
-        rests = self._rested >= LAG * BLOCK  # a release moves the rate, too
+        rests = self._has_rested()  # a release moves the rate, too
         if self._unheated is None and rests and self._was_misled():
             before = self._blocks[0].before.shared
             passed = sum(each.span for each in self._blocks)

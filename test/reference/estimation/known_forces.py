@@ -62,7 +62,10 @@ RESIDUAL_MOTION: Final = 0.01
 """Share of its recent peak by which a released contact may still move [1]: the film creeps back."""
 
 PEAK_DECAY: Final = 0.999
-"""Decay of the recent peak from block to block [1]: 20 s."""
+"""Decay of the recent peak [1] in"""
+
+PEAK_TIME: Final = 0.02
+"""this time [s], a block: 20 s."""
 
 RISEN_SHARE: Final = 0.9
 """Share of its force by which the signal of a contact that has just come has risen in the last blocks [1]."""
@@ -187,6 +190,7 @@ class ReleaseDetector:
         touched: Mask,
         variance: Array,
         noise: Array,
+        duration: float,
     ) -> Mask | None:
         """Process a block; return the mask of the taxels of released contacts, None without one.
 
@@ -206,9 +210,12 @@ class ReleaseDetector:
             Their variances [N2].
         noise : ndarray of float64, shape [taxels]
             Variances of the noise of a mean [N2].
+        duration : float
+            Duration of the block [s].
         """
-        self._peak *= PEAK_DECAY
-        self._object *= PEAK_DECAY
+        kept = PEAK_DECAY ** (duration / PEAK_TIME)
+        self._peak *= kept
+        self._object *= kept
         self._touched_for = np.where(touched, self._touched_for + 1, 0)
         np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
         self._means.append(course)

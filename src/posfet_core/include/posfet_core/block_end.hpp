@@ -63,6 +63,7 @@ private:
   void close_hum();
   void close_estimator();
   void choose_interpolated();
+  void update_thresholds(double duration);
 
   std::shared_ptr<ScanPath> path_;
   BlockParts parts_;

@@ -27,8 +27,9 @@ constexpr double kReleaseDeviations = 2.5;
 /// release removes the whole force at once.
 constexpr double kHeldShare = 0.5;
 
-/// Decay of the recent force from one update to the next [1]: 5 s of blocks of 20 ms.
+/// Decay of the recent force [1] in `kRecentTime` [s], a block: 5 s.
 constexpr double kRecentDecay = 0.996;
+constexpr double kRecentTime = 0.02;
 
 /// Share of a force that the film's hysteresis may leave after its release [1], assumed: less force is no contact.
 constexpr double kResidualHysteresis = 0.02;
@@ -52,8 +53,8 @@ public:
   void set(ContactThresholds contact) { contact_ = contact; }
 
   /// Set the thresholds according to the uncertainty of the forces: `force` [N], `variance` of each [N2]. Taxels that
-  /// are not `usable` may be in no contact; null: all are usable.
-  void update(const double* force, const double* variance, const bool* usable);
+  /// are not `usable` may be in no contact; null: all are usable. `duration` has passed since the last update [s].
+  void update(const double* force, const double* variance, const bool* usable, double duration);
 
   /// Apply the thresholds to the forces of a scan [N]; return whether the set of taxels in contact changed.
   bool apply(const double* force);

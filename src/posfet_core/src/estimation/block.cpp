@@ -31,6 +31,14 @@ LastBlocks::LastBlocks(std::size_t taxels, const TouchResponse& touch) {
   }
 }
 
+double LastBlocks::duration() const {
+  double duration = 0.0;
+  for (std::size_t index = 0; index < size_; ++index) {
+    duration += (*this)[index].duration;
+  }
+  return duration;
+}
+
 Vector<double> LastBlocks::times() const {
   Vector<double> times(size_);
   double time = 0.0;

@@ -198,6 +198,12 @@ bool ForceEstimator::knows_offsets() const {
   return known;
 }
 
+/// Whether the last contact ended before the stored blocks, and by so much time [s] `longer` ago. Half a block is
+/// allowed for, as times are sums.
+bool ForceEstimator::has_rested(double longer) const {
+  return rested_ >= LastBlocks::kLag * kBlock + longer && rested_ + 0.5 * kBlock >= blocks_.duration() + longer;
+}
+
 void ForceEstimator::block_mean(double* out) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     out[taxel] = state().sum[taxel] / integration_->block().scans;

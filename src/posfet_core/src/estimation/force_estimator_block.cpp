@@ -289,7 +289,7 @@ void ForceEstimator::add_unknown_warmth(Block& block) const {
 /// Observe the noise of the stored blocks; that of the temperature not where a touch may have begun, or has just ended.
 void ForceEstimator::observe_noise(const Block& block) {
   rested_ = block.listed.any() ? 0.0 : rested_ + block_time();
-  const bool at_rest = blocks_.full() && rested_ >= LastBlocks::kLag * kBlock + kQuiet;
+  const bool at_rest = blocks_.full() && has_rested(kQuiet);
   const bool comparable = usable() >= kFewestForUniform && uniform_.observable();
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     chosen_[taxel] = !ignored()[taxel];

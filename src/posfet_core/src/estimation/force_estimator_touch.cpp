@@ -176,7 +176,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
         known ? block.mean[taxel] - blocks_[blocks_.size() - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
   }
   const bool released = release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(),
-                                        variance.data(), block.noise.data(), chosen_.data());
+                                        variance.data(), block.noise.data(), block.duration, chosen_.data());
   if ((!find_left(contacts) && !released) || !drop_shown(variance)) {
     return;
   }

@@ -41,7 +41,8 @@ void ForceEstimator::process_again(const TaxelFlags& touched) {
   *belief() = blocks_[0].before;
   if (refuted_ != 0.0) {
     witnesses_.clear();  // of another past
-    const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, LastBlocks::kLag * kBlock);
+    const double since = std::max(LastBlocks::kLag * kBlock, blocks_.duration());
+    const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, since);
     filter_.admit(direction.data(), square(refuted_ / direction[kFilm]));
   }
   const std::size_t count = blocks_.size();  // the newest one may restart taxels, which forgets them

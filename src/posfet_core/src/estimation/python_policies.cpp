@@ -400,16 +400,17 @@ void bind_release(const py::module_& module) {
       .def(
           "update",
           [](ReleaseDetector& detector, const py::sequence& contacts, const Values& mean, const Values& course,
-             const Values& rise, const Tested& touched, const Values& variance, const Values& noise) {
+             const Values& rise, const Tested& touched, const Values& variance, const Values& noise, double duration) {
             require_all(detector.taxels(), {mean, course, rise, touched, variance, noise});
             const std::vector<Taxels> taxels = contacts_from(contacts, static_cast<Taxel>(detector.taxels()));
             TaxelFlags released(detector.taxels());
             detector.update(pointers_to(taxels), mean.data(), course.data(), rise.data(), touched.data(),
-                            variance.data(), noise.data(), released.data());
+                            variance.data(), noise.data(), duration, released.data());
             return array_of(released);
           },
           py::arg("contacts"), py::arg("mean"), py::arg("course"), py::arg("rise"), py::arg("touched"),
-          py::arg("variance"), py::arg("noise"), "Process a block; return the taxels of released contacts.")
+          py::arg("variance"), py::arg("noise"), py::arg("duration"),
+          "Process a block; return the taxels of released contacts.")
       .def(
           "has_left",
           [](const ReleaseDetector& detector, std::size_t taxel, double mean, double noise) {

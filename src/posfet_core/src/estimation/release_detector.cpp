@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/block.hpp"
 
 namespace posfet {
 
@@ -35,11 +36,12 @@ ReleaseDetector::ReleaseDetector(std::size_t taxels)
 
 bool ReleaseDetector::update(const Vector<const Taxels*>& contacts, const double* mean, const double* course,
                              const double* rise, const bool* touched, const double* variance, const double* noise,
-                             bool* released) {
+                             double duration, bool* released) {
   const std::size_t taxels = peak_.size();
+  const double kept = std::pow(kPeakDecay, duration / kBlock);
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
-    peak_[taxel] = std::max(kPeakDecay * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
-    object_[taxel] *= kPeakDecay;
+    peak_[taxel] = std::max(kept * peak_[taxel], touched[taxel] ? mean[taxel] : 0.0);
+    object_[taxel] *= kept;
     touched_for_[taxel] = touched[taxel] ? touched_for_[taxel] + 1 : 0;
   }
   means_[seen_ % means_.size()].assign(course, course + taxels);

@@ -53,7 +53,7 @@ class ForceEstimator(scan_path.ForceEstimator):
         Properties of each taxel; None: nominal ones from the description.
     max_relative_uncertainty : float, default 0.2
         Standard deviation of the total force over that force, above which the forces are not valid [1]; while the force
-        falls, over its greatest value of the last 0.16 s.
+        falls, over its greatest value of the last eight blocks.
     """
 
     def __init__(

@@ -19,6 +19,9 @@
 
 namespace posfet {
 
+/// Duration of a block, unless a scan takes longer [s].
+constexpr double kBlock = 0.02;
+
 /// What passes in a block, or in several, as far as the taxels share it.
 struct Passage {
   double duration = 0.0;          ///< Its duration [s].
@@ -61,7 +64,8 @@ struct Block : Passage {
 /// The last blocks, oldest first, and a place for the next one.
 class LastBlocks {
 public:
-  /// Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch.
+  /// Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch. A
+  /// board with fewer than 50 scans per second has a block for each: then they last longer.
   static constexpr std::size_t kLag = 16;
 
   /// Number of them from which taxels are left out that do not show the touch themselves.
@@ -74,6 +78,9 @@ public:
   Block& operator[](std::size_t index) { return places_[(first_ + index) % places_.size()]; }
   const Block& operator[](std::size_t index) const { return places_[(first_ + index) % places_.size()]; }
   Block& newest() { return (*this)[size_ - 1]; }
+
+  /// Time that the blocks have lasted [s].
+  double duration() const;
 
   /// Times of the middles of the blocks, since that of the block before the oldest [s].
   Vector<double> times() const;

@@ -52,9 +52,6 @@
 
 namespace posfet {
 
-/// Duration of a block [s].
-constexpr double kBlock = 0.02;
-
 /// No force is valid for this long after an interruption [s].
 constexpr double kResumeTime = 0.04;
 
@@ -172,7 +169,7 @@ public:
   void tare(bool forced, double* change);
 
   /// Standard deviation of the total force over that force, above which the forces are not valid [1]; while the force
-  /// falls, over its greatest value of the last 0.16 s. May change.
+  /// falls, over its greatest value of the last eight blocks. May change.
   double max_relative_uncertainty = kMaxRelativeUncertainty;
 
   /// Whether something may touch the array when it starts: forces are not valid until a release or a forced tare shows
@@ -208,7 +205,7 @@ private:
   /// Whether the reading of a taxel is a force: not of a faulty one, unless it still counts in sums.
   bool counts(std::size_t taxel) const { return !ignored()[taxel] || informative_[taxel]; }
   bool knows_offsets() const;
-  bool has_rested() const { return rested_ >= LastBlocks::kLag * kBlock; }
+  bool has_rested(double longer = 0.0) const;
 
   // From one block to the next (force_estimator.cpp).
   void start_block();

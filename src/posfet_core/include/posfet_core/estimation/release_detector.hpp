@@ -40,7 +40,7 @@ public:
   /// Share of its recent peak by which a released contact may still move [1]: the film creeps back.
   static constexpr double kResidualMotion = 0.01;
 
-  /// Decay of the recent peak from block to block [1]: 20 s.
+  /// Decay of the recent peak in `kBlock` [1]: 20 s.
   static constexpr double kPeakDecay = 0.999;
 
   /// Share of its force by which the signal of a contact has risen in the last blocks at least if it has just come [1]:
@@ -53,10 +53,11 @@ public:
 
   /// Process a block: the taxels of each contact, mean forces [N], the same with the charge of bending, which moves as
   /// the forces do: as the bending becomes known, it would hide that they move [N]; by how much the signals rose in the
-  /// last `kStillBlocks`, whatever was corrected since [N]; touched taxels, the variances of the forces [N2], and those
-  /// of the noise of a mean [N2]. The taxels of released contacts are marked; returns whether there are any.
+  /// last `kStillBlocks`, whatever was corrected since [N]; touched taxels, the variances of the forces [N2], those of
+  /// the noise of a mean [N2], and the duration of the block [s]. The taxels of released contacts are marked; returns
+  /// whether there are any.
   bool update(const Vector<const Taxels*>& contacts, const double* mean, const double* course, const double* rise,
-              const bool* touched, const double* variance, const double* noise, bool* released);
+              const bool* touched, const double* variance, const double* noise, double duration, bool* released);
 
   /// Whether nothing touches a taxel that was touched, and is in no contact: its force has hardly changed in the last
   /// blocks, against the standard deviation of a mean [N] and its recent peak, or the `mean` of the block that comes
