@@ -37,6 +37,14 @@ double mean_decay(double x) { return std::abs(x) < kTiny ? 1.0 : -std::expm1(-x)
 
 }  // namespace
 
+bool ForceIntegration::State::knows_offsets() const {
+  bool known = true;
+  for (std::size_t taxel = 0; taxel < offset_known.size(); ++taxel) {
+    known = known && (offset_known[taxel] || ignored[taxel]);
+  }
+  return known;
+}
+
 LeakageInverse::LeakageInverse(std::vector<double> time_constant, std::vector<double> newton_per_charge)
     : time_constant_(std::move(time_constant)), newton_per_charge_(std::move(newton_per_charge)) {
   if (newton_per_charge_.size() != time_constant_.size() || time_constant_.empty()) {

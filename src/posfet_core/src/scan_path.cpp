@@ -250,14 +250,9 @@ const ForceEstimate& ScanPath::estimate() {
 
 /// Why the result of an accepted scan is not valid.
 std::uint8_t ScanPath::reasons() const {
-  const ForceIntegration::State& state = parts_.integration->state();
   std::uint8_t found = parts_.clock->suspect() ? kTimeUncertain : 0;
   if (!parts_.integration->block().valid) {
-    bool known = true;
-    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-      known = known && (state.offset_known[taxel] || state.ignored[taxel]);
-    }
-    found |= known ? kUncertain : kBaselineUnknown;
+    found |= parts_.integration->state().knows_offsets() ? kUncertain : kBaselineUnknown;
   }
   return found == 0 ? kNoTaxel : found;
 }

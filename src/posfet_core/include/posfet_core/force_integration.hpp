@@ -113,6 +113,9 @@ public:
                                            ///< the last cause is what leaked in lost scans.
     TaxelFlags offset_known;               ///< Taxels whose offset is known.
     TaxelFlags ignored;                    ///< Faulty taxels.
+
+    /// Whether all offsets are known of the taxels that are not faulty.
+    bool knows_offsets() const;
   };
 
   /// The block so far, and the readings in it.

@@ -189,15 +189,6 @@ std::size_t ForceEstimator::usable() const {
   return taxels() - static_cast<std::size_t>(std::count(ignored().data(), ignored().data() + taxels(), true));
 }
 
-/// Whether all offsets are known of the taxels that are not faulty.
-bool ForceEstimator::knows_offsets() const {
-  bool known = true;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    known = known && (offset_known()[taxel] || ignored()[taxel]);
-  }
-  return known;
-}
-
 /// Whether the last contact ended before the stored blocks, and by so much time [s] `longer` ago. Half a block is
 /// allowed for, as times are sums.
 bool ForceEstimator::has_rested(double longer) const {

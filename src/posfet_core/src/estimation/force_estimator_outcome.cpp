@@ -213,7 +213,7 @@ bool ForceEstimator::is_certain(const TaxelFlags& counted, double deviation) con
 
 /// Mark offsets as known once the array has been still.
 void ForceEstimator::confirm_offsets(double duration) {
-  if (knows_offsets()) {
+  if (state().knows_offsets()) {
     return;
   }
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

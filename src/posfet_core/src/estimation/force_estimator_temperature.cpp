@@ -99,7 +99,7 @@ double ForceEstimator::unnoticed_change() {
 /// press where the rate changes; no contact has just been released, whose warmth is in all zeros; and all offsets are
 /// known.
 bool ForceEstimator::may_tell() const {
-  return priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing && knows_offsets();
+  return priors_.slow_rate > 0.0 && rested_ >= Witnesses::kSpacing && state().knows_offsets();
 }
 
 /// Let the witnesses follow a block. Where a reading is not what the sensors alone let expect, the temperature does
@@ -171,7 +171,7 @@ void ForceEstimator::explain_by_temperature(std::size_t index) {
   if (kelvin == 0.0) {
     return;
   }
-  if (kelvin * mean_per_kelvin() > 0.0 && !listed && knows_offsets()) {
+  if (kelvin * mean_per_kelvin() > 0.0 && !listed && state().knows_offsets()) {
     open_hypothesis();
   }
   const std::vector<double>& direction = dynamics_.maneuver(belief()->shared, block.duration);

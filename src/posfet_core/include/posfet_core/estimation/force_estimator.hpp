@@ -204,7 +204,6 @@ private:
   std::size_t usable() const;
   /// Whether the reading of a taxel is a force: not of a faulty one, unless it still counts in sums.
   bool counts(std::size_t taxel) const { return !ignored()[taxel] || informative_[taxel]; }
-  bool knows_offsets() const;
   bool has_rested(double longer = 0.0) const;
 
   // From one block to the next (force_estimator.cpp).
