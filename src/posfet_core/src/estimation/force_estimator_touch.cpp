@@ -8,7 +8,6 @@
 // Where something touches, and where it has ended.
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -149,9 +148,7 @@ void ForceEstimator::reset_released(const Block& block) {
                                   block.noise[taxel]);
     }
   }
-  std::array<double, kSharedStates> warming{};
-  warming[kRate] = 1.0;
-  filter_.admit(warming.data(), square(priors_.touch_rate * left));
+  filter_.admit(direction_of(kRate).data(), square(priors_.touch_rate * left));
   zero_known_ = true;
   rested_ = unseen_for_ = 0.0;
   refutation_.clear();

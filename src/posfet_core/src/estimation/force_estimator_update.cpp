@@ -259,9 +259,7 @@ void ForceEstimator::admit_warmer_object() {
   const double change = sum / information;
   const double expected = (filter_.shared_variance(sensitivity.data()) + information) / square(information);
   if (change * mean_per_kelvin() < 0.0 && square(change) > square(kGate) * (expected + square(warmth_difference()))) {
-    std::array<double, kSharedStates> level{};
-    level[kWarmth] = 1.0;
-    filter_.widen(level.data(), square(change));
+    filter_.widen(direction_of(kWarmth).data(), square(change));
     find_residuals();
   }
 }

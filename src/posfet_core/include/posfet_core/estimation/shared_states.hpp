@@ -8,6 +8,7 @@
 /// States of the force errors that all taxels share: their positions.
 #pragma once
 
+#include <array>
 #include <cstddef>
 
 namespace posfet {
@@ -44,6 +45,13 @@ constexpr std::size_t kSharedStates = kCreep + kCreeps;  ///< Number of shared s
 /// force, and tell nothing of the shared states.
 constexpr bool is_of_touch(std::size_t state) {
   return state == kLeak || state == kWarmth || state == kWeakWarmth || state >= kCreep;
+}
+
+/// The direction in which one shared state changes, and no other.
+inline std::array<double, kSharedStates> direction_of(std::size_t state) {
+  std::array<double, kSharedStates> direction{};
+  direction[state] = 1.0;
+  return direction;
 }
 
 }  // namespace posfet
