@@ -68,6 +68,7 @@ class ScanClock:
         self._period = 1.0 / sensor.can.scan_rate
         self._shortest, self._longest_period, self._odd = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR, 0.0
         self._late_in_a_row = 0
+        self._refused, self._newest_refused = 0, 0  # scans since the last admitted one, by their content
         self._restart = 0  # flags of restarts since the last admitted scan, also of scans that were refused
         self._restarted = 0  # stamp of the newest scan with such a flag [ns]
         self._sequence = -1
@@ -122,6 +123,13 @@ class ScanClock:
             return False
         return True
 
+    def refuse(self, scan: Scan) -> None:
+        """Note a scan that is new, and refused for its content: it is not missing."""
+        newest = self._newest_refused if self._refused else self._sequence
+        if scan.layout_id == self._layout_id and scan.sequence > newest:
+            self._newest_refused = scan.sequence
+            self._refused += 1
+
     def admit(self, scan: Scan) -> None:
         """Accept a scan that fits, is new and sound; set the interval before it."""
         self.interrupted = self.suspect = False
@@ -137,7 +145,7 @@ class ScanClock:
         self._device_time = scan.device_time
         self._stamp = scan.stamp
         self._estimated = bool(scan.status & _TIME_ESTIMATED)
-        self._late_in_a_row = self._restart = 0
+        self._late_in_a_row = self._restart = self._refused = 0
         self.counts.accepted += 1
 
     def _note_restart(self, scan: Scan) -> None:
@@ -160,7 +168,7 @@ class ScanClock:
 
     def _measure(self, scan: Scan, ahead: int) -> None:
         """Measure the interval before a scan that is `ahead` of the last one in sequence."""
-        self.counts.missed += ahead - 1
+        self.counts.missed += max(ahead - 1 - self._refused, 0)
         expected = ahead * self._period
         estimated = self._estimated or scan.status & _TIME_ESTIMATED
         arrived = (scan.stamp - self._stamp) * 1e-9

@@ -115,6 +115,7 @@ class ScanPath:
         accepted = fits and clock.is_sound(scan) and self._plausible(scan) and not self._has_burst(scan)
         self.blank = not accepted
         if not accepted:
+            clock.refuse(scan)
             self.contacts = tuple(each for each in self.contacts if each.state != tracker.ContactState.RELEASED)
             self.result = False, True, False, SCAN_UNUSABLE, before
             return self.result

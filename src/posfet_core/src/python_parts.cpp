@@ -54,6 +54,9 @@ void bind_clock(const py::module_& module) {
           "is_sound", [](ScanClock& clock, const py::object& scan) { return clock.is_sound(PythonScan(scan).scan()); },
           py::arg("scan"), "Return whether the board reports no ADC fault; count it otherwise.")
       .def(
+          "refuse", [](ScanClock& clock, const py::object& scan) { clock.refuse(PythonScan(scan).scan()); },
+          py::arg("scan"), "Note a scan that is new, and refused for its content: it is not missing.")
+      .def(
           "admit", [](ScanClock& clock, const py::object& scan) { clock.admit(PythonScan(scan).scan()); },
           py::arg("scan"), "Accept a scan that fits, is new and sound; set the interval before it.")
       .def_property_readonly("count_values", &counts_of, "The numbers of `ScanCounts`, in its order.")

@@ -93,6 +93,14 @@ bool ScanClock::is_sound(const Scan& scan) {
   return true;
 }
 
+void ScanClock::refuse(const Scan& scan) {
+  const std::uint64_t newest = refused_ > 0 ? newest_refused_ : sequence_;
+  if (scan.layout == layout_ && difference(scan.sequence, newest) > 0) {
+    newest_refused_ = scan.sequence;
+    ++refused_;
+  }
+}
+
 void ScanClock::admit(const Scan& scan) {
   interrupted_ = suspect_ = false;
   const std::int64_t ahead = started_ ? difference(scan.sequence, sequence_) : 1;
@@ -110,6 +118,7 @@ void ScanClock::admit(const Scan& scan) {
   stamp_ = scan.stamp;
   estimated_ = (scan.status & kTimeEstimated) != 0;
   late_in_a_row_ = 0;
+  refused_ = 0;
   restart_ = 0;
   ++counts_.accepted;
 }
@@ -140,7 +149,7 @@ void ScanClock::bridge(double interval) {
 
 /// Measure the interval before a scan that is `ahead` of the last one in sequence.
 void ScanClock::measure(const Scan& scan, std::int64_t ahead) {
-  counts_.missed += static_cast<std::uint64_t>(ahead - 1);
+  counts_.missed += static_cast<std::uint64_t>(std::max<std::int64_t>(ahead - 1 - refused_, 0));
   const double expected = static_cast<double>(ahead) * period_;
   const bool estimated = estimated_ || (scan.status & kTimeEstimated) != 0;
   const double arrived = static_cast<double>(difference(scan.stamp, stamp_)) * 1e-9;

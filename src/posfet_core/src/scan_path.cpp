@@ -106,6 +106,7 @@ bool ScanPath::begin(const Scan& scan) {
   result_.accepted = sound && !burst;
   result_.unusable = blank_ = !result_.accepted;
   if (result_.unusable) {
+    clock.refuse(scan);
     flag(scan);
     return true;
   }

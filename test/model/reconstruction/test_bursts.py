@@ -210,7 +210,7 @@ def test_interference_in_every_scan_is_not_refused_for_long() -> None:
 
 
 def test_bursts_are_reported_in_the_diagnostics() -> None:
-    period = Period.between(ScanCounts(), ScanCounts(accepted=999, bursts=3, missed=3), 0, 0, 0, True, True, False)
+    period = Period.between(ScanCounts(), ScanCounts(accepted=999, bursts=3), 0, 0, 0, True, True, False)
     verdict = judge(period)
     assert verdict.level is Level.WARN
     assert "interference" in verdict.text

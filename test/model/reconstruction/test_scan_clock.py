@@ -34,9 +34,11 @@ def scan(index: int, **changes: Any) -> Scan:
 
 
 def accept(clock: ScanClock, made: Scan) -> bool:
-    accepted = clock.fits(made) and clock.is_new(made) and clock.is_sound(made)
-    if accepted:
-        clock.admit(made)
+    fits = clock.fits(made)
+    if fits and not clock.is_new(made):
+        return False
+    accepted = fits and clock.is_sound(made)
+    (clock.admit if accepted else clock.refuse)(made)
     return accepted
 
 
@@ -59,25 +61,40 @@ def test_a_regular_stream_has_regular_intervals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "cause"),
+    ("changes", "cause", "missed"),
     [
-        ({"layout_id": 2}, "layout_mismatch"),
-        ({"counts": np.zeros(3, np.uint16)}, "layout_mismatch"),
-        ({"counts": np.zeros((5, 5), np.uint16)}, "layout_mismatch"),
-        ({"status": ScanStatus.ADC_FAULT}, "adc_fault"),
-        ({"sequence": 9}, "repeated"),
-        ({"sequence": 5, "stamp": START}, "late"),
-        ({"sequence": 9, "status": ScanStatus.ADC_FAULT}, "repeated"),
-        ({"sequence": 5, "stamp": START, "status": ScanStatus.ADC_FAULT}, "late"),
+        ({"layout_id": 2}, "layout_mismatch", 1),
+        ({"counts": np.zeros(3, np.uint16)}, "layout_mismatch", 0),
+        ({"counts": np.zeros((5, 5), np.uint16)}, "layout_mismatch", 0),
+        ({"status": ScanStatus.ADC_FAULT}, "adc_fault", 0),
+        ({"sequence": 9}, "repeated", 1),
+        ({"sequence": 5, "stamp": START}, "late", 1),
+        ({"sequence": 9, "status": ScanStatus.ADC_FAULT}, "repeated", 1),
+        ({"sequence": 5, "stamp": START, "status": ScanStatus.ADC_FAULT}, "late", 1),
     ],
 )
-def test_a_rejected_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
+def test_a_rejected_scan_is_counted_by_its_cause_and_bridged(changes: dict[str, Any], cause: str, missed: int) -> None:
+    """Scan 10 is missing where what arrives in its place is another one."""
     clock = clock_after(10)
     assert not accept(clock, scan(10, **changes))
     assert counted(clock) == {cause: 1}
     assert accept(clock, scan(11))
     assert clock.step == pytest.approx(2e-3, abs=1e-12)
-    assert counted(clock) == {cause: 1, "missed": 1}
+    assert counted(clock) == {cause: 1} | ({"missed": missed} if missed else {})
+
+
+def test_scans_are_missing_beside_those_that_are_refused_each_of_them_once() -> None:
+    clock, faulty = clock_after(10), {"status": ScanStatus.ADC_FAULT}
+    for index in (10, 11, 11, 14):
+        assert not accept(clock, scan(index, **faulty))
+    assert accept(clock, scan(16))
+    assert counted(clock) == {"adc_fault": 4, "missed": 3}, "12, 13 and 15 are missing"
+    assert accept(clock, scan(18))
+    assert counted(clock) == {"adc_fault": 4, "missed": 4}
+    # A sequence that a fault has damaged leaves none that was missed before.
+    assert not accept(clock, scan(2**40, **faulty))
+    assert accept(clock, scan(19))
+    assert counted(clock) == {"adc_fault": 5, "missed": 4}
 
 
 def test_missing_scans_are_counted_and_included_in_the_interval() -> None:

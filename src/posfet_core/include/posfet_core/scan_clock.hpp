@@ -72,6 +72,9 @@ public:
   /// Whether the board reports no ADC fault; counts it otherwise.
   bool is_sound(const Scan& scan);
 
+  /// Note a scan that is new, and refused for its content: it is not missing.
+  void refuse(const Scan& scan);
+
   /// Accept a scan that fits, is new and sound; set the interval before it.
   void admit(const Scan& scan);
 
@@ -119,8 +122,10 @@ private:
   bool estimated_ = true;         ///< Whether its time was estimated.
   std::uint64_t arrivals_ = 0;    ///< Number of intervals by arrival times.
   int late_in_a_row_ = 0;
-  std::uint32_t restart_ = 0;   ///< Flags of restarts since then, also of scans that were refused.
-  std::int64_t restarted_ = 0;  ///< Stamp of the newest scan with such a flag [ns].
+  std::int64_t refused_ = 0;          ///< Number of different scans after it that were refused for their content,
+  std::uint64_t newest_refused_ = 0;  ///< and the sequence of the newest of them.
+  std::uint32_t restart_ = 0;         ///< Flags of restarts since then, also of scans that were refused.
+  std::int64_t restarted_ = 0;        ///< Stamp of the newest scan with such a flag [ns].
 };
 
 }  // namespace posfet

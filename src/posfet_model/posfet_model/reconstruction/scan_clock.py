@@ -37,7 +37,8 @@ class ScanCounts:
     bursts: int = 0
     """Refused: interference in a single scan, which no touch can have caused."""
     missed: int = 0
-    """Missing scans: gaps of the sequence. The force is tracked across them."""
+    """Missing scans: gaps of the sequence, but for scans that were refused for their content. The force is tracked
+    across them."""
     resets: int = 0
     """Restarts of the board; the interval is taken from the stamps."""
     time_jumps: int = 0
