@@ -58,6 +58,9 @@ void store(Vector<Merged>& merged, const Contact& gone, const Contact& stays) {
   for (const Merged& past : gone.merged) {
     merged.push_back({past.id, past.age + later, offset, past.split_from});
   }
+  if (merged.size() > kMostMerged) {
+    merged.erase(merged.begin(), merged.end() - static_cast<std::ptrdiff_t>(kMostMerged));
+  }
 }
 
 Contact released(const Contact& contact, double step) {

@@ -151,6 +151,19 @@ def test_a_contact_beside_another_is_released_and_a_new_one_there_reports_its_sp
     assert split[1].split_from == near.id
 
 
+def test_a_contact_that_is_held_stores_no_more_than_the_last_contacts_that_merged_into_it() -> None:
+    tracker, beside = ContactTracker(SENSOR), np.array([1])
+    tracker.update([region(0.0)], STEP)
+    for number in range(2, 60):
+        held, young = tracker.update([region(0.0), region(2e-3)._replace(touched=beside)], STEP)
+        assert (held.id, young.id) == (1, number)
+        [held] = tracker.update([region(0.3e-3, force=2.0)._replace(touched=np.array([0, 1]))], STEP)
+        assert held.merged_ids == tuple(range(max(2, number - 15), number + 1))
+        [held] = tracker.update([region(0.0)], STEP)
+    held, back = tracker.update([region(0.0), region(2e-3)], STEP)
+    assert sorted((held.id, back.id, *held.merged_ids)) == [1, *range(44, 60)]
+
+
 def test_merged_contacts_keep_their_ids_and_ages_when_they_split() -> None:
     tracker = ContactTracker(SENSOR)
     [old] = tracker.update([region(-1e-3)], STEP)

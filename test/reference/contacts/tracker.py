@@ -36,6 +36,9 @@ TAXELS_ACROSS: Final = 3.0
 RELEASED_FORCE: Final = 2.0
 """A contact with less force than this when it ends was released, and did not merge with another [contact threshold]."""
 
+MOST_MERGED: Final = 16
+"""Greatest number of contacts that one stores [1]: of more, those that merged first have ended."""
+
 
 class ContactTracker:
     """Data association of regions with contacts by the least sum of squared distances of the centres of pressure.
@@ -112,7 +115,7 @@ class ContactTracker:
         for track, others in joined.items():
             index = pairs[track]
             now = _unmoved(followed[index], before[track])
-            followed[index] = now._replace(merged=now.merged + _merged(before[track], others))
+            followed[index] = now._replace(merged=(now.merged + _merged(before[track], others))[-MOST_MERGED:])
         gone = [contact for track, contact in enumerate(before) if track not in pairs]
         absorbed = {contact.id for others in joined.values() for contact in others}
         ended = [self._release(contact, step) for contact in gone if contact.id not in absorbed]

@@ -52,7 +52,7 @@ struct Contact {
   Region region;           ///< Geometry and force; of a released contact the last geometry, with force 0.
   Point velocity;          ///< Of the centre of pressure [m/s], low-pass filtered; NaN in the first scan.
   double age = 0.0;        ///< Time since the contact began [s].
-  Vector<Merged> merged;   ///< Contacts that merged into this one, in order.
+  Vector<Merged> merged;   ///< Contacts that merged into this one, in order; the last ones of many (`kMostMerged`).
   TrackId split_from = 0;  ///< Id of the contact that this one split off from.
 };
 

@@ -12,6 +12,7 @@
 /// stored gets a new id, and refers to the one that it split off from.
 #pragma once
 
+#include <cstddef>
 #include <limits>
 
 #include "posfet_core/assignment.hpp"
@@ -32,6 +33,10 @@ constexpr double kTaxelsAcross = 3.0;
 
 /// A contact with less force than this when it ends was released, and did not merge with another [contact threshold].
 constexpr double kReleasedForce = 2.0;
+
+/// Greatest number of contacts that one stores [1], assumed: more than two hands have fingertips. Of more, those that
+/// merged first have ended: a contact that is held for long while others come and go beside it stores no more.
+constexpr std::size_t kMostMerged = 16;
 
 /// Settings of data association and motion detection, and what they depend on.
 struct TrackerSettings {
