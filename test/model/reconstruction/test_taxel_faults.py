@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import DEAD_SHARE
+from posfet_core.scan_path import DEAD_SHARE, CountHistory
 from posfet_model.estimation.error_states import ErrorPriors
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
@@ -404,6 +404,35 @@ def test_scans_lost_while_charge_leaks_make_no_taxel_noisy(lost: int) -> None:
         if not first <= round(time * 1000) < first + lost:
             reconstructor.process(scan)
             assert reconstructor.faulty == 0, f"{time:g} s"
+
+
+def test_a_row_after_scans_that_had_no_room_is_not_close_to_the_one_before() -> None:
+    history = CountHistory(4, 1)
+    for number in range(6):
+        history.add(np.array([number], np.uint16), True)
+    history.keep(2)
+    for number in range(6, 8):
+        history.add(np.array([number], np.uint16), True)
+    assert history.counts[: history.filled, 0].tolist() == [2, 3, 6, 7]
+    assert history.close[2:4].tolist() == [False, True]
+    history.keep(2)
+    history.add(np.array([8], np.uint16), True)
+    assert history.close[2], "none was left out"
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 5000.0, 20_000.0])
+def test_the_noise_of_a_fast_board_is_not_what_forces_change_by_in_the_scans_that_are_left_out(rate: float) -> None:
+    detector, rng, taxels = TaxelFaultDetector(SENSOR), np.random.default_rng(1), SENSOR.layout.taxels
+    described, nowhere = detector.noise_variance.copy(), np.zeros(taxels, np.bool_)
+    noise = math.sqrt(described[0]) * SENSOR.volts_per_newton / volts_per_count(SENSOR)
+    for block in range(25):
+        scan = np.arange(round(0.02 * rate)) + block * round(0.02 * rate)
+        ramp = 0x4000 + 5000.0 * noise * scan / rate  # a press that rises: 5 of its deviations in 1 ms
+        counts = np.rint(rng.normal(ramp[:, np.newaxis], noise, (len(scan), taxels))).astype(np.uint16)
+        for row in counts:
+            detector.history.add(row, True)
+        detector.measure_noise(0.02, nowhere, nowhere)
+    np.testing.assert_array_equal(detector.noise_variance, described)
 
 
 WARMED_ALONE = [

@@ -17,7 +17,8 @@
 
 namespace posfet {
 
-/// Rows of counts in the order of the scans; as many as fit.
+/// Rows of counts in the order of the scans; as many as fit. Of a board with more scans in a period the first ones are
+/// kept, and the next row after the others is not `close`.
 class CountHistory {
 public:
   CountHistory(std::size_t scans, std::size_t taxels)
@@ -28,17 +29,20 @@ public:
   std::size_t filled() const { return filled_; }
   std::vector<std::uint16_t>& counts() { return counts_; }
 
-  /// Whether a scan closely follows that in the row before.
+  /// Whether a scan closely follows that in the row before, and none between them was left out.
   TaxelFlags& close() { return close_; }
 
   /// Keep the counts of a scan, unless there is no row left. Across a long gap (not `close`) counts change by more than
   /// their noise, as charge leaks.
   void add(const std::uint16_t* counts, bool close) {
-    if (filled_ < capacity()) {
-      std::copy(counts, counts + taxels_, counts_.begin() + static_cast<std::ptrdiff_t>(filled_ * taxels_));
-      close_[filled_] = close;
-      ++filled_;
+    if (filled_ == capacity()) {
+      left_out_ = true;
+      return;
     }
+    std::copy(counts, counts + taxels_, counts_.begin() + static_cast<std::ptrdiff_t>(filled_ * taxels_));
+    close_[filled_] = close && !left_out_;
+    left_out_ = false;
+    ++filled_;
   }
 
   /// Keep the last rows only, at most `rows`, as the first ones.
@@ -56,6 +60,7 @@ private:
   std::vector<std::uint16_t> counts_;
   TaxelFlags close_;
   std::size_t filled_ = 0;
+  bool left_out_ = false;  ///< Whether scans were left out since the newest row.
 };
 
 }  // namespace posfet
