@@ -63,9 +63,10 @@ void ForceEstimator::measure(Block& block) {
     const double leaked = state().raw[taxel] - signal(taxel);
     block.charge[taxel] = (leaked - leaked_[taxel]) * (array_.time_constant[taxel] / (scans.elapsed * scans.leak));
     leaked_[taxel] = leaked;
-    // Noise is no motion: without this play its path would count, which is long after a minute.
+    // Noise is no motion: without this play its path would count, which is long after a minute. A
+    // NaN does not stay.
     const double play = kPlay * std::sqrt(block.noise[taxel]);
-    steady_[taxel] = std::min(mean_[taxel] + play, std::max(mean_[taxel] - play, steady_[taxel]));  // NaN goes
+    steady_[taxel] = std::min(mean_[taxel] + play, std::max(mean_[taxel] - play, steady_[taxel]));
   }
   readings_.take(*integration_, block);
   find_tails(block);

@@ -40,7 +40,7 @@ void TemperatureWalk::observe(double rise, double variance, double duration) {
   const double square = std::min(difference * difference, most);
   count_ = std::min(count_ + 1, kMemory);
   intensity_ += ((square - noise) / per_intensity - intensity_) / count_;
-  intensity_ = std::max(least_, intensity_);  // NaN goes
+  intensity_ = std::max(least_, intensity_);  // NaN does not stay
 }
 
 /// Time for which the film shows the walk of the chip within a time [s].

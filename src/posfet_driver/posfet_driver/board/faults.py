@@ -103,7 +103,7 @@ class FaultKind(Enum):
     IMPLAUSIBLE_SEQUENCE = (
         "implausible sequence",
         _ERROR,
-        "the board's sequence jumped ahead of all clocks; these scans are not used, or with CAN FD taken for a restart",
+        "the board's sequence jumped ahead of all clocks; such scans are not used, or with CAN FD treated as a restart",
         "the driver restarts the board by itself; if that does not help, update its firmware",
     )
     FROZEN_TIMESTAMP = (
