@@ -24,7 +24,7 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.commands.simulate import main as simulate
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.mcap_reader import Recording
-from posfet_sim.recording.recorded_scans import RecordedScans
+from posfet_sim.recording.recorded_scans import INFO, RecordedScans
 from support.paths import DATA
 
 STORED = DATA / "recording" / "posfet_0.2.0.mcap"
@@ -71,6 +71,28 @@ def test_contacts_follow_the_parameters_and_the_calibration(tmp_path: Path, caps
     assert found["nominal"][0] == "1 contact"
     assert found["deaf"][0] == "0 contacts"
     assert found["calibrated"][1] != found["nominal"][1]
+
+
+def test_of_several_sensors_the_description_and_the_ground_truth_of_the_chosen_one_are_kept(tmp_path: Path) -> None:
+    both, out = MessageFile(tmp_path / "hand.mcap", "test"), tmp_path / "out.mcap"
+    for finger in ("thumb", "index"):
+        one = tmp_path / f"{finger}.mcap"
+        assert simulate(["press_slide_lift", "--out", str(one), "--for", "0.01", "--namespace", f"hand/{finger}"]) == 0
+        topics: dict[str, int] = {}
+        for message in Recording(one).messages():
+            topic = message.topic
+            if topic.name not in topics:
+                topics[topic.name] = both.add_topic(topic.name, topic.type, topic.schema)
+            both.add(topics[topic.name], message.time, message.data)
+        both.add(both.add_topic(f"/hand/{finger}/info", INFO, "bool simulated"), 0, bytes([0, 1, 0, 0, 1]))
+    both.close()
+    assert main([str(both.path), "--out", str(out), "replay_topic:=/hand/index/raw", "namespace:=again"]) == 0
+    assert Recording(out).overview().counts == {
+        "/again/contacts": 10,
+        "/again/image": 10,
+        "/hand/index/truth": 10,
+        "/hand/index/info": 1,
+    }
 
 
 @pytest.mark.parametrize(

@@ -42,10 +42,10 @@ from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.mcap_reader import Message
 from posfet_sim.recording.message_definitions import schema_text
 from posfet_sim.recording.recorded_scans import INFO, RecordedScans
+from posfet_sim.recording.scan_messages import TRUTH
 
 CONTACTS: Final = "posfet_msgs/TactileContacts"
 IMAGE: Final = "posfet_msgs/TactileImage"
-TRUTH: Final = "posfet_msgs/TactileTruth"
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of the topics in the file")
 _OF_MODEL: Final = tuple(each for each in TUNING if each is not DISPLAY_RATE)
 TO_FILE: Final = (NAMESPACE, SENSOR_FILE, SERIAL, CALIBRATION_FILE, FRAME_ID, MAX_RELATIVE, *_OF_MODEL, REPLAY_TOPIC)
@@ -113,8 +113,8 @@ def _default(argument: Parameter) -> Scalar:
 def to_file(recording: Path, out: Path, values: dict[str, Any]) -> str:
     """Process the scans of a recording as fast as possible, write a file, and return a summary in one line.
 
-    The file has the topics `contacts` and `image`, and those of the recording with the description of the array and the
-    ground truth.
+    The file has the topics `contacts` and `image`, and those of the recording with the description of this array and
+    its ground truth.
 
     Parameters
     ----------
@@ -150,7 +150,8 @@ def to_file(recording: Path, out: Path, values: dict[str, Any]) -> str:
 
         def keep(message: Message) -> None:
             topic = message.topic
-            if topic.type in {INFO, TRUTH} and topic.encoding == "cdr" and topic.schema_encoding == "ros2msg":
+            readable = topic.encoding == "cdr" and topic.schema_encoding == "ros2msg"
+            if topic.type in {INFO, TRUTH} and readable and source.of_sensor(topic):
                 if topic.name not in kept:
                     kept[topic.name] = file.add_topic(topic.name, topic.type, topic.schema)
                 file.add(kept[topic.name], message.time, message.data)

@@ -22,7 +22,7 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.recording.mcap_file import MessageFile
-from posfet_sim.recording.recorded_scans import RAW, RecordedScans
+from posfet_sim.recording.recorded_scans import INFO, RAW, RecordedScans
 from posfet_sim.recording.replay_source import LONGEST_PAUSE, ReplaySource
 from support.clocks import SteppedClock
 from support.paths import DATA
@@ -113,6 +113,29 @@ def test_the_topic_is_the_only_one_or_must_be_chosen(tmp_path: Path) -> None:
     other = recorded(tmp_path / "other.mcap", {"/chatter": ("demo_msgs/Text", "string data", [old_message(0)])})
     with pytest.raises(ConfigError, match=r"has no scans .*, but /chatter; record the topic raw"):
         RecordedScans(other, SENSOR)
+
+
+def test_the_topics_of_a_sensor_are_those_that_no_other_sensor_has_in_its_namespace(tmp_path: Path) -> None:
+    one = (RAW, OLD_SCHEMA, [old_message(0)])
+    text = ("demo_msgs/Text", "string data", [bytes([0, 1, 0, 0, 1, 0, 0, 0, 0])])
+    others = dict.fromkeys(("/thumb/info", "/index/info", "/hand/info"), text)
+    found = RecordedScans(
+        recorded(tmp_path / "x.mcap", {"/thumb/raw": one, "/index/raw": one, **others}), SENSOR, "thumb/raw"
+    )
+    of_sensor = [name for name, topic in found.overview.topics.items() if found.of_sensor(topic)]
+    assert of_sensor == ["/thumb/raw", "/thumb/info", "/hand/info"]
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_sensor_is_simulated_if_its_own_description_says_so(simulated: bool, tmp_path: Path) -> None:
+    infos = {
+        f"/{finger}/info": (INFO, "bool simulated", [bytes([0, 1, 0, 0, said])])
+        for finger, said in {"index": not simulated, "thumb": simulated}.items()
+    }
+    one = (RAW, OLD_SCHEMA, [old_message(0)])
+    path = recorded(tmp_path / "two.mcap", {**infos, "/index/raw": one, "/thumb/raw": one})
+    assert RecordedScans(path, SENSOR, "thumb/raw").simulated() is simulated
+    assert RecordedScans(path, SENSOR, "index/raw").simulated() is not simulated
 
 
 def test_scans_of_another_sensor_are_refused() -> None:

@@ -21,6 +21,7 @@ from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan, ScanStatus
 from posfet_sim.recording.mcap_reader import Message, Overview, Recording, Topic
+from posfet_sim.recording.scan_messages import TRUTH
 
 RAW: Final = "posfet_msgs/TactileRaw"
 """Type of the scans."""
@@ -148,17 +149,35 @@ class RecordedScans:
             count += 1
         self.problem = self.recording.missing
 
+    def of_sensor(self, topic: Topic) -> bool:
+        """Return whether a description or a ground truth is that of the sensor of these scans, not of another one.
+
+        Each sensor has its topics in a namespace of its own. A topic in no namespace with scans, as after a remap,
+        counts as one of this sensor.
+
+        Parameters
+        ----------
+        topic : Topic
+            Topic of the recording.
+        """
+        other = {_namespace(name) for name, each in self.overview.topics.items() if each.type == RAW}
+        return _namespace(topic.name) not in other - {_namespace(self.topic.name)}
+
     def simulated(self) -> bool:
         """Return whether the scans are those of a simulated board, as its description in the file says."""
         for number, message in enumerate(self.recording.messages()):
-            if message.topic.type == INFO:
+            if message.topic.type == INFO and self.of_sensor(message.topic):
                 try:
                     return bool(message.topic.reader.read(message.data).get("simulated"))
                 except ValueError:
                     return False
             if number == INFO_WITHIN:
                 break
-        return any(topic.type.endswith("/TactileTruth") for topic in self.overview.topics.values())
+        return any(topic.type == TRUTH and self.of_sensor(topic) for topic in self.overview.topics.values())
+
+
+def _namespace(topic: str) -> str:
+    return topic.rpartition("/")[0]
 
 
 def _raw_topic(path: Path, overview: Overview, wanted: str) -> Topic:
