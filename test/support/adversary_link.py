@@ -153,6 +153,7 @@ class Link:
 
     unreadable = 0
     arrival_stamp = 0
+    must_be_asked = False
     port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, board: LoggedBoard, fd: bool, noise: random.Random) -> None:

@@ -28,6 +28,7 @@ class SteppedBus:
 
     unreadable = 0
     arrival_stamp = 0
+    must_be_asked = False
     port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, firmware: Node, cadence: int = 0) -> None:

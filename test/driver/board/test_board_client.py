@@ -220,6 +220,45 @@ def test_an_adapter_that_fails_while_it_is_asked_why_no_scans_arrive_is_opened_a
     assert board.report().counters["bus losses"] == 1
 
 
+@pytest.mark.parametrize("must_be_asked", [True, False])
+def test_only_an_adapter_that_must_be_asked_is_asked_while_scans_flow_once_a_second(
+    sensor: Sensor, must_be_asked: bool
+) -> None:
+    clock, asked = SteppedClock(), list[int]()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    bus.must_be_asked = must_be_asked
+    bus.ask_state = lambda: asked.append(clock.now)  # type: ignore[method-assign]
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    first = next(read_scans(board, 1)).stamp
+    while clock.now < first + 5_500_000_000:
+        next(read_scans(board, 1))
+    assert len(asked) == 6 * must_be_asked
+    assert all(later - before == pytest.approx(1e9, abs=1e7) for before, later in pairwise(asked))
+
+
+def test_an_adapter_that_fails_while_it_is_asked_beside_scans_is_opened_again(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    buses: list[SteppedBus] = []
+
+    def open_one() -> SteppedBus:
+        buses.append(SteppedBus(clock, firmware))
+        return buses[-1]
+
+    def fail() -> None:
+        raise can.CanOperationError("cable out")
+
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+    board = Board(sensor, open_one, clock=clock)
+    board.open()
+    next(read_scans(board, 1))
+    buses[0].must_be_asked, buses[0].ask_state = True, fail  # type: ignore[method-assign]
+    for scan in read_scans(board, 2000):
+        assert_marked(scan)
+    assert len(buses) == 2
+    assert board.report().counters["bus losses"] == 1
+
+
 @pytest.mark.parametrize("boot", [1, 0], ids=["another boot", "the same number drawn"])
 def test_a_board_reset_is_detected_and_reported(sensor: Sensor, boot: int) -> None:
     clock = SteppedClock()

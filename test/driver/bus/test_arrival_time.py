@@ -71,6 +71,7 @@ class LateBus:
 
     unreadable = 0
     arrival_stamp = 0
+    must_be_asked = False
     port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, firmware: Node, delay: int, stamped: bool) -> None:

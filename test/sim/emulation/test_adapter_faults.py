@@ -27,7 +27,7 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
-from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
+from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE, REFUSED
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -138,17 +138,49 @@ def test_a_wrong_bitrate_is_reported(tmp_path: Path, clock: PacedClock) -> None:
         adapter.close()
 
 
-def test_status_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
+def test_status_flags_of_the_adapter_are_reported_while_scans_flow(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
-    adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
-    bus = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
-    board = Board(SENSOR, lambda: bus, clock)
+    board, _ = make_board(tmp_path / "can0", clock)
     board.open()
     try:
         next(read_scans(board, 1))
-        bus.ask_state()
-        read_until(board, lambda: board.bus.errors.frames == 1)
-        assert (board.bus.errors.overflow, board.bus.errors.passive) == (1, 1)
+        assert board.bus.errors.frames == 0
+        adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
+        read_until(board, lambda: board.bus.errors.frames == 2)
+        assert (board.bus.errors.overflow, board.bus.errors.passive) == (2, 2)
+        assert {FaultKind.ERROR_PASSIVE, FaultKind.RECEIVE_OVERFLOWS} <= set(FaultMonitor().present(board.report(), 0))
+        adapter.flags = 0
+        scan = list(read_scans(board, 300))[-1]
+        assert board.bus.errors.frames == 2
+        assert (scan.frames_lost, board.report().counters["board restarts"]) == (0, 0)
+    finally:
+        board.close()
+        adapter.close()
+
+
+class RefusingAdapter(EmulatedAdapter):
+    """An adapter that has no status flags, and counts how often it is asked for them."""
+
+    asked = 0
+
+    def _execute(self, line: bytes, now: int) -> None:
+        if line == b"F":
+            self.asked += 1
+            self._reply(REFUSED)
+        else:
+            super()._execute(line, now)
+
+
+def test_an_adapter_that_refuses_to_tell_its_flags_is_asked_once(tmp_path: Path, clock: PacedClock) -> None:
+    adapter = RefusingAdapter(tmp_path / "can0", BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock)
+    adapter.open()
+    board, _ = make_board(tmp_path / "can0", clock)
+    board.open()
+    try:
+        for scan in read_scans(board, 600):
+            assert_marked(scan)
+        assert adapter.asked == 1
+        assert scan.frames_lost == 0
     finally:
         board.close()
         adapter.close()

@@ -134,6 +134,7 @@ class FailingBus:
 
     unreadable = 0
     arrival_stamp = 0
+    must_be_asked = False
     port, read_by_port = None, False
 
     def __init__(self, clock: SteppedClock, room: int, reads: int) -> None:

@@ -252,7 +252,7 @@ class Board:
                 return True
             self._supervisor.handle(decoded)
         self._supervisor.check_status()
-        connection.check_bus_off()
+        connection.check_adapter()
         return False
 
     def _wait(self, now: int, end: int) -> None:

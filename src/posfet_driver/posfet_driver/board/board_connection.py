@@ -36,6 +36,8 @@ SCAN_TIMEOUT: Final = 0.3
 """Time without a scan [s] after which the reason is looked for."""
 SCAN_TIMEOUT_SCANS: Final = 10
 """The same in scan periods, for low scan rates."""
+ASK_INTERVAL: Final = 1.0
+"""Time between two questions for the error state of an adapter while scans flow [s]: a line of two bytes each."""
 
 
 class BoardConnection:
@@ -96,6 +98,7 @@ class BoardConnection:
         self._batch: list[Frame] = []
         self._overflows = 0
         self._bus_offs = 0
+        self._ask_at = 0  # time of the next question for the adapter's error state while scans flow [ns]
         self._checked = -1  # deadline after which the bus was read once more
 
     @property
@@ -243,11 +246,18 @@ class BoardConnection:
         except (can.CanError, OSError) as error:
             self.fail(error)
 
-    def check_bus_off(self) -> None:
-        """Reopen the bus when its controller has gone bus-off; called when all that was read is processed."""
+    def check_adapter(self) -> None:
+        """Reopen the bus when its controller has gone bus-off, and ask now and then for errors that nothing else shows.
+
+        Called when all that was read is processed.
+        """
         if self.bus.errors.bus_off != self._bus_offs:
             self._bus_offs = self.bus.errors.bus_off
             self.fail(can.CanOperationError("the controller is bus-off"), FaultKind.BUS_OFF)
+        elif self.flowing and self.arrival >= self._ask_at:
+            self._ask_at = self.arrival + round(ASK_INTERVAL * NANOSECONDS)
+            if self.bus.must_be_asked:
+                self.ask_adapter()
 
     def fail(self, error: Exception, fault: FaultKind = FaultKind.ADAPTER_DISCONNECTED) -> None:
         """Close the bus and retry later.

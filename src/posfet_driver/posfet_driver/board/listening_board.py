@@ -140,7 +140,7 @@ class ListeningBoard:
                 self.bus.reset_backoff()
                 connection.no_response.board_responded()
             return True
-        connection.check_bus_off()
+        connection.check_adapter()
         return False
 
     def _listen(self) -> None:

@@ -38,6 +38,11 @@ class FrameBus(Protocol):
         """Whether all frames can be read from the port now, without `read_frames`."""
         ...
 
+    @property
+    def must_be_asked(self) -> bool:
+        """Whether the adapter tells its error state only when asked, and answers that while frames flow."""
+        ...
+
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
 

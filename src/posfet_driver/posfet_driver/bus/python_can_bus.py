@@ -33,6 +33,7 @@ class PythonCanFrameBus:
 
     arrival_stamp = 0
     port, read_by_port = None, False
+    must_be_asked = False
 
     def __init__(self, bus: can.BusABC) -> None:
         self.unreadable = 0

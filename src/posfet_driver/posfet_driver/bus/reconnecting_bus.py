@@ -126,6 +126,11 @@ class ReconnectingBus:
         return bool(self._bus and self._bus.read_by_port) and not (self._loss.present or self._bus_off.present)
 
     @property
+    def must_be_asked(self) -> bool:
+        """Whether the adapter tells its error state only when asked, and answers that while frames flow."""
+        return bool(self._bus and self._bus.must_be_asked)
+
+    @property
     def is_open(self) -> bool:
         """Whether the bus is open."""
         return self._bus is not None

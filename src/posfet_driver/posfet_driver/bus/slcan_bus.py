@@ -122,6 +122,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         self._poll.register(self._fd, select.POLLIN)
         self._port = LinePort(self._fd, self._reader)
         self._open = True
+        self._unanswered = False  # the last question for the flags
         try:
             silent = 0
             for command in commands:
@@ -149,6 +150,11 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         """Whether all frames can be read from the port now: none waits here."""
         return not self._frames
 
+    @property
+    def must_be_asked(self) -> bool:
+        """Whether the adapter, which tells its flags only when asked, has answered the last question for them."""
+        return not self._unanswered  # else it refuses the command, or never replies: it would do no better again
+
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
 
@@ -171,6 +177,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         if self._reader.flags is not None:
             frames += _errors(self._reader.flags)
             self._reader.flags = None
+            self._unanswered = False
         if self._frames:
             frames = [*self._frames, *frames]
             self._frames.clear()
@@ -184,6 +191,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
     def ask_state(self) -> None:
         """Request the adapter's status flags, which are read as an error frame; adapters without flags refuse."""
         self._write(b"F" + END, REPLY_TIMEOUT)
+        self._unanswered = True
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send one message; see can.BusABC."""

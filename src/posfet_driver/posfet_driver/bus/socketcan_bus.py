@@ -71,6 +71,7 @@ class SocketcanFrameBus:
     """
 
     unreadable = 0
+    must_be_asked = False
 
     def __init__(self, bus: SocketcanBus, board: BoardFrames | None = None) -> None:
         self._bus = bus
