@@ -279,6 +279,7 @@ def test_ros_arguments_move_rename_and_set_the_nodes(composed: str, tmp_path: Pa
     [
         (["--log-levl", "debug"], "unknown ROS arguments: ['--log-levl', 'debug']"),
         (["-r", "__node:=a/b"], "__node: must be a name without slashes"),
+        (["-p", "seed:=7"], "-p seed: use the argument seed:=<value>, from which the nodes get it"),
     ],
 )
 def test_bad_ros_arguments_end_with_one_line(words: list[str], reason: str, composed: str) -> None:

@@ -18,6 +18,7 @@ import yaml
 
 from posfet.arguments import parse
 from posfet.graph import NodeSpec, emulated_adapter, graph
+from posfet.ros_arguments import split
 from posfet_model.calibration.calibration_file import save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
@@ -273,6 +274,38 @@ def test_what_an_argument_overrides_in_any_case_is_refused_in_a_parameter_file(t
     path.write_text(f"/**:\n  ros__parameters:\n    {key}: '1'\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=rf"{key}: use the argument {key}:=<value>, from which the nodes get it$"):
         nodes(str(path))
+
+
+@pytest.mark.parametrize("rule", ["seed:=7", "sim_board_node:seed:=7", "/**:seed:=7", "scene:=hold", "frame_id:=palm"])
+@pytest.mark.parametrize("option", ["-p", "--param"])
+def test_what_an_argument_overrides_in_any_case_is_refused_as_a_ros_argument(
+    params_file: str, option: str, rule: str
+) -> None:
+    key = rule.rpartition(":=")[0].rpartition(":")[2]
+    _, ros = split(["--ros-args", "-p", "use_sim_time:=true", option, rule])
+    with pytest.raises(ConfigError, match=rf"^-p {key}: use the argument {key}:=<"):
+        graph(parse([]), params_file, ros)
+
+
+@pytest.mark.parametrize("node", ["/**", "arm_node", "/tactile/sim_board_node", "board"])
+def test_a_parameter_file_of_ros_arguments_is_refused_for_what_it_says_of_our_nodes(
+    params_file: str, tmp_path: Path, node: str
+) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(f"{node}:\n  ros__parameters:\n    seed: 7\n", encoding="utf-8")
+    _, ros = split(["--ros-args", "--params-file", str(path), "-r", "sim_board_node:__node:=board"])
+    if node == "board":
+        with pytest.raises(ConfigError, match=rf"^{path}: board.ros__parameters.seed: use the argument seed:=<value>"):
+            graph(parse([]), params_file, ros)
+    else:
+        graph(parse([]), params_file, ros)
+
+
+def test_a_parameter_file_of_ros_arguments_that_cannot_be_read_is_left_to_ros(params_file: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text("sim_board_node: {seed", encoding="utf-8")
+    for words in (["--params-file", str(path)], ["--params-file", str(tmp_path / "none.yaml")], ["--params-file"]):
+        graph(parse([]), params_file, split(["--ros-args", *words])[1])
 
 
 def test_the_seed_is_that_of_the_simulated_board(params_file: str) -> None:

@@ -127,15 +127,49 @@ def check_params_file(path: str, ros: RosArguments) -> None:
         values = section.section("ros__parameters")
         known = {each.name for table in ([tables[node]] if node in tables else tables.values()) for each in table}
         for key in values.names():
-            if key == FRAME_ID.name:
-                raise values.error(key, "use the argument frame_id:=<name>: all nodes have the same frame")
-            if key not in known and not f"{key}.".startswith(tuple(f"{each.rstrip('.')}." for each in STANDARD)):
+            standard = f"{key}.".startswith(tuple(f"{each.rstrip('.')}." for each in STANDARD))
+            if not standard and key not in {FRAME_ID.name, *known}:
                 raise values.error(
                     key, f"unknown parameter, {did_you_mean(key, known)}known are {', '.join(sorted(known))}"
                 )
-            if key in ALWAYS_GIVEN:
-                raise values.error(key, f"use the argument {key}:=<value>, from which the nodes get it")
+            if remedy := _argument_for(key):
+                raise values.error(key, remedy)
         section.end()
+
+
+def check_ros_parameters(ros: RosArguments) -> None:
+    """Raise ConfigError, one line, if ROS arguments set a parameter of a node that an argument overrides in any case.
+
+    Of parameter files only the sections of nodes of this stack count, as a robot's file may be for many nodes; what
+    cannot be read is left to ROS, which reads more of YAML.
+
+    Parameters
+    ----------
+    ros : RosArguments
+        What the ROS arguments say.
+    """
+    for key in ros.parameters:
+        if remedy := _argument_for(key):
+            raise ConfigError(f"-p {key}: {remedy}")
+    ours = {ros.name(node) for node in NODES}
+    for path in ros.parameter_files:
+        try:
+            top = read_yaml(path)
+            sections = [top.section(name) for name in top.names() if name.rsplit("/", 1)[-1] in ours]
+            values = [section.section("ros__parameters") for section in sections]
+        except ConfigError:
+            continue
+        for section in values:
+            for key in section.names():
+                if remedy := _argument_for(key):
+                    raise section.error(key, remedy)
+
+
+def _argument_for(key: str) -> str:
+    """Return what to do in place of setting a parameter that arguments override in any case; '' for any other."""
+    if key == FRAME_ID.name:
+        return "use the argument frame_id:=<name>: all nodes have the same frame"
+    return f"use the argument {key}:=<value>, from which the nodes get it" if key in ALWAYS_GIVEN else ""
 
 
 def emulated_adapter(namespace: str) -> Path:
@@ -216,6 +250,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     ros = ros or RosArguments()
     namespace = ros.within(arguments["namespace"])
     check_params_file(params_file, ros)
+    check_ros_parameters(ros)
     source = arguments["source"]
     sensor = with_serial(load_sensor(arguments["sensor_file"]), arguments["serial"])
     if source in SIMULATED:

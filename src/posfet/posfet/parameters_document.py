@@ -38,8 +38,8 @@ _ARGUMENTS: Final = """\
 For `ros2 launch posfet bringup.launch.py name:=value ...`, `posfet bringup name:=value ...` and
 `make bringup ARGS="name:=value ..."`; the first two print this list with `--show-args`. Arguments override
 the parameter file, and that overrides ROS arguments (`--ros-args -p name:=value`; [in a robot](integration.md)).
-An argument of another source than the one that is chosen is refused. So is a parameter in `params_file` that an
-argument sets in any case, with its default where it is not given: one of the sensor file, the source, or the frame."""
+An argument of another source than the one that is chosen is refused. So is a parameter in `params_file` or of `-p` that
+an argument sets in any case, with its default where it is not given: of the sensor file, the source, or the frame."""
 
 _LAUNCH: Final = """\
 Only `ros2 launch` has:"""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 from posfet_model.command_line import checked_namespace
@@ -18,6 +19,7 @@ from posfet_model.config import ConfigError
 
 _BEGIN: Final = "--ros-args"
 _REMAP: Final = ("-r", "--remap")
+_PARAMETER: Final = ("-p", "--param")
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,17 @@ class RosArguments:
     """Names of `-r <node>:__node:=`, by the name of the node."""
     words: tuple[str, ...] = ()
     """The other ROS arguments, `--ros-args` first; empty if there are none."""
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that `-p` sets, of whichever nodes."""
+        rules = [rule for option, rule in pairwise(self.words) if option in _PARAMETER]
+        return [rule.partition(":=")[0].rpartition(":")[2] for rule in rules]
+
+    @property
+    def parameter_files(self) -> list[str]:
+        """Paths of the files of `--params-file`."""
+        return [path for option, path in pairwise(self.words) if option == "--params-file"]
 
     def name(self, node: str) -> str:
         """Return the name of a node of the graph."""
