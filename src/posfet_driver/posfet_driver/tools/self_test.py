@@ -137,8 +137,9 @@ class SelfTest:
         late = 1e3 * board.stamp_uncertainty
         stamps = "stamps estimated from arrivals" if math.isnan(late) else f"stamps at most {late:.2f} ms late"
         text = f"{rate:.1f} scans/s, {lost} frames lost, {stamps}"
-        ended = scans < LEAST_SCANS or silent > SILENCE + 1.5 / self._sensor.can.scan_rate
-        if lost or ended or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
+        if silent > SILENCE + 1.5 / self._sensor.can.scan_rate:
+            raise CheckFailed(f"{text}; no scan in the last {silent:.1f} s")
+        if lost or scans < LEAST_SCANS or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
             raise CheckFailed(f"{text}; {self._sensor.can.scan_rate:g} scans/s are expected")
         return text
 
