@@ -9,11 +9,13 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -141,6 +143,44 @@ def test_parquet_has_one_file_for_each_topic(tmp_path: Path) -> None:
     rows = parquet.read_table(tmp_path / "x.s.one.parquet").to_pylist()
     assert rows == [{"recorded_ns": 5, **monkey}]
     assert (tmp_path / "x.s.two.parquet").is_file()
+
+
+@pytest.mark.parametrize("step", ["open", "write", "close"])
+@pytest.mark.parametrize("full", ["one", "two"])
+def test_the_file_of_the_topic_that_cannot_be_written_is_named(
+    full: str, step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = MessageFile(tmp_path / "x.mcap", "test")
+    for name in ("one", "two"):
+        file.add(file.add_topic(f"/s/{name}", "a/B", "string data"), 5, b"\0\1\0\0\1\0\0\0\0")
+    file.close()
+    order: list[Writer] = []
+
+    class Writer:
+        """A writer on a disk that is full at a step of one of the two files."""
+
+        def __init__(self, part: Path, _: object) -> None:
+            self.name = ("one", "two")[len(order)]
+            order.append(self)
+            part.write_bytes(b"PAR1")
+            self.reach("open")
+
+        def reach(self, at: str) -> None:
+            if (self.name, at) == (full, step):
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        def write_table(self, _: object) -> None:
+            self.reach("write")
+
+        def close(self) -> None:
+            self.reach("close")
+
+    monkeypatch.setitem(sys.modules, "pyarrow", MagicMock())
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", MagicMock(ParquetWriter=Writer))
+    assert main([str(file.path), str(tmp_path / "x.parquet")]) == BAD_INPUT
+    said = f"{tmp_path}/x.s.{full}.parquet: cannot be written: No space left on device\n"
+    assert capsys.readouterr().err == said
+    assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
 
 
 def serialise_by_hand(values: dict[str, list[object]]) -> bytes:

@@ -129,12 +129,20 @@ def _replacing(path: Path) -> Iterator[Path]:
     part = check_writable(path).with_name(f".posfet-{os.urandom(8).hex()}")
     try:
         yield part
-        os.replace(part, path)
-    except BaseException as error:
+        with _writing(path):
+            os.replace(part, path)
+    except BaseException:
         part.unlink(missing_ok=True)
-        if isinstance(error, OSError):  # of the file that was asked for
-            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Name the file that was asked for in an OSError, which names its part or nothing."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def write_npz(path: Path, export: Export, at: Callable[[int], object]) -> list[Path]:
@@ -149,8 +157,10 @@ def write_npz(path: Path, export: Export, at: Callable[[int], object]) -> list[P
     at : callable
         Called with the position in the file [byte] now and then.
     """
-    with _replacing(path) as part, part.open("wb") as stream:
-        np.savez_compressed(stream, **to_arrays(export, at))
+    with _replacing(path) as part:
+        arrays = to_arrays(export, at)
+        with _writing(path), part.open("wb") as stream:
+            np.savez_compressed(stream, **arrays)
     return [path]
 
 
@@ -167,7 +177,7 @@ def write_hdf5(path: Path, export: Export, at: Callable[[int], object]) -> list[
         Called with the position in the file [byte] now and then.
     """
     h5py = _package("h5py", path)
-    with _replacing(path) as part, h5py.File(part, "w") as file:
+    with _replacing(path) as part, _writing(path), h5py.File(part, "w") as file:
         for name, array in to_arrays(export, at).items():
             text = array.dtype.kind == "U"
             file.create_dataset(
@@ -198,8 +208,13 @@ def write_parquet(path: Path, export: Export, at: Callable[[int], object]) -> li
 
     def flush(name: str) -> None:
         table = arrow.Table.from_pylist(rows[name], schema=schemas[name])
-        writers[name].write_table(table)
+        with _writing(paths[name]):
+            writers[name].write_table(table)
         rows[name].clear()
+
+    def close(name: str) -> None:
+        with _writing(paths[name]):
+            writers[name].close()
 
     with ExitStack() as files, ExitStack() as opened:  # closed first
         for topic, time, values in export.rows(at):
@@ -209,8 +224,9 @@ def write_parquet(path: Path, export: Export, at: Callable[[int], object]) -> li
                 one = len(export.topics) == 1
                 paths[name] = path if one else path.with_suffix(f".{name.strip('/').replace('/', '.')}{path.suffix}")
                 part = files.enter_context(_replacing(paths[name]))
-                writers[name] = parquet.ParquetWriter(part, schemas[name])
-                opened.callback(writers[name].close)
+                with _writing(paths[name]):
+                    writers[name] = parquet.ParquetWriter(part, schemas[name])
+                opened.callback(close, name)
                 rows[name] = []
             rows[name].append({"recorded_ns": time, **values})
             if len(rows[name]) == BATCH:
