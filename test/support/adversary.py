@@ -177,7 +177,7 @@ class Judge:
         self._base: Account | None = None  # with which the stretch began
         self._newest_account: Account | None = None
         self.quiet_since = 0
-        self._transit = round(board.decoder.transit_time * SECOND)
+        self._transit = round(board.decoder.transit_time.times.switched * SECOND)
         self._stamp = 0  # of the previous scan
         self._flagged = False  # a reset, since the last scan that was found
 

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, Frame
 from posfet_driver.protocol.decoded import Decoded, ScanReady
-from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.decoder import Decoder, TransitTimes
 from posfet_driver.protocol.messages import (
     COMMAND_OFFSET,
     IDENTITY_OFFSET,
@@ -84,6 +84,9 @@ class Pair:
     def set(self, name: str, value: object) -> None:
         for decoder in (self.ours, self.theirs):
             setattr(decoder, name, value)
+
+    def set_transit_times(self, switched: float, unswitched: float) -> None:
+        self.ours.transit_time.times = self.theirs.transit_time.times = TransitTimes(switched, unswitched)
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int, most: int = 1_000_000) -> None:
         """Decode a batch, of which no more than `most` results are consumed."""
@@ -210,8 +213,7 @@ def run(seed: int, fd: bool, batches: int, make_pair: Callable[[Sensor], PairT])
     noise = random.Random(seed)
     sensor = with_layout(with_fd(SENSOR, fd), *noise.choice(SIZES))
     pair, board = make_pair(sensor), Board(sensor, noise)
-    pair.set("transit_time", noise.choice([0.0, 0.0004]))
-    pair.set("unswitched_transit_time", 0.0007)
+    pair.set_transit_times(noise.choice([0.0, 0.0004]), 0.0007)
     if noise.random() < 0.9:
         pair.do("start")
     now = noise.choice([0, 1, 10**9, 86_400 * 10**9, 9 * 10**15 + 1, 1_700_000_000 * 10**9])

@@ -18,7 +18,7 @@ import pytest
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.listening_board import ListeningBoard
-from posfet_driver.board.transit_time import mapped_transit_time
+from posfet_driver.board.transit_time import mapped_transit_times
 from posfet_driver.bus.error_frame import CONTROLLER, error_frame
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
@@ -195,12 +195,13 @@ def test_transit_time_of_a_scan(bench: Bench, tmp_path: Path) -> None:
     """
     link = sensor_a(tmp_path).can
     for fd in (False, True):
-        longest = mapped_transit_time(replace(link, fd=fd), bench.board.decoder.tables)
-        assert longest == pytest.approx(5 * 160e-6)
+        longest = mapped_transit_times(replace(link, fd=fd), bench.board.decoder.tables)
+        assert longest.switched == pytest.approx(5 * 160e-6)
     sensor = sensor_b(tmp_path)
     board = ListeningBoard(sensor, lambda: bench.bus, bench.clock)
-    assert 100e-6 < mapped_transit_time(sensor.can, board.decoder.tables) < 300e-6
-    assert mapped_transit_time(sensor.can, board.decoder.tables, rate_switch=False) > 300e-6
+    times = mapped_transit_times(sensor.can, board.decoder.tables)
+    assert 100e-6 < times.switched < 300e-6 < times.unswitched
+    assert board.decoder.transit_time.times.unswitched == times.unswitched
 
 
 def test_the_bus_load_is_named_by_what_it_counts(bench: Bench) -> None:

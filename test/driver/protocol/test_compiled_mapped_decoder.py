@@ -60,8 +60,7 @@ class Pair:
 
     def __init__(self, sensor: Sensor) -> None:
         self.ours, self.theirs = MappedDecoder(sensor), Reference(sensor)
-        self.ours.transit_time = self.theirs.transit_time = 1e-4
-        self.ours.unswitched_transit_time = self.theirs.unswitched_transit_time = 3e-4
+        self.ours.transit_time.times = self.theirs.transit_time.times = core.TransitTimes(1e-4, 3e-4)
         self.published = 0
         self.flagged = 0
         self.do("start")

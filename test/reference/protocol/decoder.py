@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, Frame
 from posfet_driver.protocol.decoded import (
     Decoded,
     IdentityReceived,
@@ -51,6 +51,7 @@ from reference.protocol.fd_scans import FdScans
 from reference.protocol.power_ons import PowerOns
 from reference.protocol.scan_assembler import Assembler, ScanStatistics
 from reference.protocol.scan_group import Held
+from reference.protocol.transit_time import TransitTime
 
 COMMANDS_KEPT: Final = 16
 """Number of the newest own commands that are remembered: a link may delay their responses by some repetitions."""
@@ -103,10 +104,8 @@ class Decoder:
         """The newest status; `NO_STATUS` while it is unknown."""
         self.identity: Identity | None = None
         """The newest identity; None: unknown."""
-        self.transit_time = 0.0
-        """Longest time that the frames of a scan occupy the bus [s]."""
-        self.unswitched_transit_time = 0.0
-        """The same from the first CAN FD frame without bit rate switch on [s]."""
+        self.transit_time = TransitTime()
+        """Longest time that the frames of a scan occupy the bus."""
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
         self._sync = ClockSync()
@@ -116,7 +115,6 @@ class Decoder:
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
-        self._unswitched = False  # whether a block has come in a CAN FD frame without bit rate switch
         self._own_commands: deque[bytes] = deque(maxlen=COMMANDS_KEPT)
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
@@ -195,7 +193,7 @@ class Decoder:
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the board was started."""
         self.receiving = True
-        self._unswitched = False
+        self.transit_time.restart()
         self._scans.start()
 
     def doubt_sequence(self) -> None:
@@ -245,7 +243,7 @@ class Decoder:
         for frame in frames:
             identifier, kind, data = frame
             if identifier == block and not kind & _NO_BLOCK:
-                self._unswitched |= kind & (FD | RATE_SWITCH) == FD
+                self.transit_time.see(kind)
                 if self.receiving and feed(kind, data, arrival):
                     self._complete()
                     self._publish(self._fd_scans.time, self._fd_scans.clock.stalled)
@@ -319,8 +317,7 @@ class Decoder:
     def _uncertainty(self, stamp: int) -> float:
         """Return the largest error [ns] of the newest scan's stamp [ns], while the board's clock runs."""
         scans = self._scans
-        transit = self.unswitched_transit_time if self._unswitched else self.transit_time
-        late = transit * NANOSECONDS + self._ascending.excess + scans.late * 1000
+        late = self.transit_time.current * NANOSECONDS + self._ascending.excess + scans.late * 1000
         return self._sync.error(late, scans.early(self.scan.sequence) * 1000, self._arrival - stamp)
 
     def _other(self, frame: Frame) -> Decoded | None:

@@ -42,7 +42,7 @@ Found BoardDecoder::feed(const Frame& frame) {
 }
 
 Found BoardDecoder::feed_fd(const Frame& frame) {
-  unswitched_ = unswitched_ || is_unswitched(frame);
+  transit_time.see(frame);
   if (!receiving || !fd_.feed(frame, arrival_)) {
     return Found::kNothing;
   }
@@ -116,7 +116,7 @@ void BoardDecoder::sent(const std::uint8_t* command, std::size_t length) {
 
 void BoardDecoder::start() {
   receiving = true;
-  unswitched_ = false;
+  transit_time.restart();
   if (fd()) {
     fd_.start();
   } else {
@@ -163,8 +163,7 @@ void BoardDecoder::publish(const CompleteScan& scan, Wide device_time, bool stal
 double BoardDecoder::uncertainty(Wide stamp) const {
   const double late = fd() ? FdScans::kRounding : classic_.late();
   const double early = fd() ? FdScans::kRounding : classic_.early(scan_.sequence);
-  const double transit = unswitched_ ? unswitched_transit_time : transit_time;
-  return sync_.error(transit * kNanoseconds + real(ascending_.excess()) + late * 1000.0, early * 1000.0,
+  return sync_.error(transit_time.current() * kNanoseconds + real(ascending_.excess()) + late * 1000.0, early * 1000.0,
                      real(arrival_ - stamp));
 }
 

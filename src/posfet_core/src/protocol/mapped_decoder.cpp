@@ -41,7 +41,7 @@ double MappedDecoder::clock_uncertainty() const {
 
 void MappedDecoder::start() {
   receiving = true;
-  unswitched_ = false;
+  transit_time.restart();
   assembler_.forget();
 }
 
@@ -73,7 +73,7 @@ bool MappedDecoder::feed(const Frame& frame) {
     ++assembler_.statistics.malformed;
     return false;
   }
-  unswitched_ = unswitched_ || is_unswitched(frame);
+  transit_time.see(frame);
   const std::uint8_t* const data = frame.data;  // without what CAN fills up
   const std::uint64_t selected = message->select ? message->select->read(data) : 0U;
   const int* const index = find_in(message->parts, selected);
@@ -133,8 +133,8 @@ void MappedDecoder::complete() {
   scan_.device_time = dated ? numbering_.device_time() : Wide{0};
   scan_.status |= dated ? 0U : kTimeEstimated;
   scan_.stamp = numbering_.stamp() + wall_offset_.value();
-  const double transit = unswitched_ ? unswitched_transit_time : transit_time;
-  scan_.stamp_uncertainty = dated ? transit + clock_uncertainty() + tables_.tick / kNanoseconds : kUnknown;
+  scan_.stamp_uncertainty =
+      dated ? transit_time.current() + clock_uncertainty() + tables_.tick / kNanoseconds : kUnknown;
   if (numbering_.was_reset()) {
     scan_.status |= kBoardReset;
     ++resets_;

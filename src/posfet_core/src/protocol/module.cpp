@@ -283,6 +283,12 @@ void bind_scans(const py::module_& module) {
 }
 
 void bind_decoder(const py::module_& module) {
+  py::class_<TransitTimes>(module, "TransitTimes", "Longest time that the frames of a scan occupy the bus [s].")
+      .def(py::init<double, double>(), py::arg("switched"), py::arg("unswitched"))
+      .def_readonly("switched", &TransitTimes::switched)
+      .def_readonly("unswitched", &TransitTimes::unswitched);
+  py::class_<TransitTime>(module, "TransitTime", "Which of the two transit times holds.")
+      .def_readwrite("times", &TransitTime::times);
   const py::class_<Batch> batch_class(module, "Batch", "Frames of a batch, and which is next.");
   py::class_<BoardDecoder>(module, "BoardDecoder", "Decodes the frames of a bus and picks out those of one board.")
       .def(py::init([](bool fd, std::size_t taxels, std::uint32_t base) {
@@ -290,8 +296,7 @@ void bind_decoder(const py::module_& module) {
            }),
            py::arg("fd"), py::arg("taxels"), py::arg("base"))
       .def_readwrite("receiving", &BoardDecoder::receiving)
-      .def_readwrite("transit_time", &BoardDecoder::transit_time)
-      .def_readwrite("unswitched_transit_time", &BoardDecoder::unswitched_transit_time)
+      .def_readonly("transit_time", &BoardDecoder::transit_time)
       .def_readonly("traffic", &BoardDecoder::traffic)
       .def_property_readonly("assembler", &BoardDecoder::assembler, py::return_value_policy::reference_internal)
       .def_property_readonly("scans", &BoardDecoder::scans)

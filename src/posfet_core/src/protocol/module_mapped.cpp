@@ -143,8 +143,7 @@ void bind_mapped(const py::module_& module) {
   py::class_<MappedDecoder>(module, "MappedDecoder", "Decodes the frames of a bus that tables name.")
       .def(py::init(&make_decoder), py::arg("tables"))
       .def_readwrite("receiving", &MappedDecoder::receiving)
-      .def_readwrite("transit_time", &MappedDecoder::transit_time)
-      .def_readwrite("unswitched_transit_time", &MappedDecoder::unswitched_transit_time)
+      .def_readonly("transit_time", &MappedDecoder::transit_time)
       .def_readonly("traffic", &MappedDecoder::traffic)
       .def_property_readonly(
           "statistics", [](MappedDecoder& decoder) -> ScanStatistics& { return decoder.assembler().statistics; },

@@ -18,7 +18,7 @@ from posfet_driver.board.board_starter import RESPONSE_TIMEOUT
 from posfet_driver.board.board_supervisor import BoardSupervisor
 from posfet_driver.board.connection_state import ConnectionState
 from posfet_driver.board.scan_source import SourceReport
-from posfet_driver.board.transit_time import scan_transit_time
+from posfet_driver.board.transit_time import scan_transit_times
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD
 from posfet_driver.clock import Clock, SystemClock
@@ -70,8 +70,7 @@ class Board:
             sensor.can, self.decoder, open_bus, self._clock, presence, "looking for the board"
         )
         self.bus = self._connection.bus
-        self.decoder.transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
-        self.decoder.unswitched_transit_time = scan_transit_time(sensor.can, self.decoder.blocks, rate_switch=False)
+        self.decoder.transit_time.times = scan_transit_times(sensor.can, self.decoder.blocks)
         self._supervisor = BoardSupervisor(sensor, self._connection, self.decoder, self._clock)
         self._commands = self._supervisor.commands
 

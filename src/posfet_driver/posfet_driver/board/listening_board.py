@@ -19,7 +19,7 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.connection_state import ConnectionState
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.scan_source import SourceReport
-from posfet_driver.board.transit_time import mapped_transit_time
+from posfet_driver.board.transit_time import mapped_transit_times
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.mapped_decoder import MappedDecoder
@@ -69,9 +69,7 @@ class ListeningBoard:
             sensor.can, self.decoder, open_bus, self._clock, presence, "waiting for scans"
         )
         self.bus = self._connection.bus
-        tables = self.decoder.tables
-        self.decoder.transit_time = mapped_transit_time(sensor.can, tables)
-        self.decoder.unswitched_transit_time = mapped_transit_time(sensor.can, tables, rate_switch=False)
+        self.decoder.transit_time.times = mapped_transit_times(sensor.can, self.decoder.tables)
         self._dbc = sensor.mapping.dbc.name if sensor.mapping else ""
 
     @property

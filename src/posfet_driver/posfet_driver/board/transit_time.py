@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.bus.frame_timing import classic_time, fd_time
+from posfet_driver.protocol.decoder import TransitTimes
 from posfet_driver.protocol.frame_tables import FrameTables
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model.sensor.description import CanLink
@@ -19,8 +20,8 @@ from posfet_model.sensor.description import CanLink
 _EXTENDED_BITS: Final = 25  # of an identifier of 29 bits more than of one of 11, with stuff bits
 
 
-def scan_transit_time(link: CanLink, blocks: int, rate_switch: bool = True) -> float:
-    """Return the longest time that the frames of one scan occupy the bus [s].
+def scan_transit_times(link: CanLink, blocks: int) -> TransitTimes:
+    """Return the longest time that the frames of one scan occupy the bus.
 
     Parameters
     ----------
@@ -28,40 +29,41 @@ def scan_transit_time(link: CanLink, blocks: int, rate_switch: bool = True) -> f
         Frame format and bit rates.
     blocks : int
         Number of scan frames of a scan.
-    rate_switch : bool, default True
-        Whether CAN FD frames come with bit rate switch.
 
     Returns
     -------
-    float
-        Transit time with as many stuff bits as there can be [s]; of classic frames, with the header.
+    TransitTimes
+        Transit times with as many stuff bits as there can be [s]; of classic frames, with the header.
     """
     if link.fd:
-        return blocks * _fd_time(link, FD_LENGTH, rate_switch)
-    return (blocks + 1) * classic_time(CLASSIC_LENGTH, link.bitrate).most
+        return TransitTimes(*(blocks * _fd_time(link, FD_LENGTH, rate_switch) for rate_switch in (True, False)))
+    classic = (blocks + 1) * classic_time(CLASSIC_LENGTH, link.bitrate).most
+    return TransitTimes(classic, classic)
 
 
-def mapped_transit_time(link: CanLink, tables: FrameTables, rate_switch: bool = True) -> float:
-    """Return the longest time that the frames of one scan of a board with frames of its own occupy the bus [s].
+def mapped_transit_times(link: CanLink, tables: FrameTables) -> TransitTimes:
+    """Return the longest time that the frames of one scan of a board with frames of its own occupy the bus.
 
     Parameters
     ----------
     link : CanLink
         Frame format and bit rates.
     tables : FrameTables
-        Lengths of the frames.
-    rate_switch : bool, default True
-        Whether CAN FD frames come with bit rate switch; those that fit into classic frames may come as such.
+        Lengths of the frames; those that fit into classic frames may come as such.
 
     Returns
     -------
-    float
-        Transit time with as many stuff bits as there can be [s].
+    TransitTimes
+        Transit times with as many stuff bits as there can be [s].
     """
-    return sum(
-        _longest(link, length, rate_switch) + extended * _EXTENDED_BITS / link.bitrate
-        for length, extended in tables.sent
-    )
+
+    def together(rate_switch: bool) -> float:
+        return sum(
+            _longest(link, length, rate_switch) + extended * _EXTENDED_BITS / link.bitrate
+            for length, extended in tables.sent
+        )
+
+    return TransitTimes(together(True), together(False))
 
 
 def _longest(link: CanLink, length: int, rate_switch: bool) -> float:

@@ -22,6 +22,8 @@ from posfet_core.protocol import (
     ScanLoop,
     ScanStatistics,
     Traffic,
+    TransitTime,
+    TransitTimes,
 )
 from posfet_driver.bus.frame import Frame
 from posfet_driver.protocol.decoded import Decoded, IdentityReceived, ResponseReceived, ScanReady, StatusReceived
@@ -30,7 +32,7 @@ from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 
-__all__ = ["COMMANDS_KEPT", "Decoder"]
+__all__ = ["COMMANDS_KEPT", "Decoder", "TransitTimes"]
 
 
 class Decoder:
@@ -71,6 +73,8 @@ class Decoder:
         self.statistics: ScanStatistics = self.assembler.statistics
         """Frames and scans that were lost or rejected, by cause."""
         self.traffic: Traffic = self._core.traffic
+        self.transit_time: TransitTime = self._core.transit_time
+        """Longest time that the frames of a scan occupy the bus."""
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         """The newest complete scan; overwritten by the next one."""
         self.scan.counts = self.assembler.counts
@@ -90,26 +94,6 @@ class Decoder:
     def receiving(self, receiving: bool) -> None:
         """Receive scans, or ignore them."""
         self._core.receiving = receiving
-
-    @property
-    def transit_time(self) -> float:  # numpydoc ignore=RT01
-        """Longest time that the frames of a scan occupy the bus [s]."""
-        return self._core.transit_time
-
-    @transit_time.setter
-    def transit_time(self, seconds: float) -> None:
-        """Set the longest time that the frames of a scan occupy the bus [s]."""
-        self._core.transit_time = seconds
-
-    @property
-    def unswitched_transit_time(self) -> float:  # numpydoc ignore=RT01
-        """The same from the first CAN FD frame without bit rate switch on [s]."""
-        return self._core.unswitched_transit_time
-
-    @unswitched_transit_time.setter
-    def unswitched_transit_time(self, seconds: float) -> None:
-        """Set the same from the first CAN FD frame without bit rate switch on [s]."""
-        self._core.unswitched_transit_time = seconds
 
     @property
     def scans(self) -> int:

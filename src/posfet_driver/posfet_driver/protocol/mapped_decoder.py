@@ -53,6 +53,8 @@ class MappedDecoder:
         self.statistics: core.ScanStatistics = self._core.statistics
         """Frames and scans that were lost or rejected, by cause."""
         self.traffic: Traffic = self._core.traffic
+        self.transit_time: core.TransitTime = self._core.transit_time
+        """Longest time that the frames of a scan occupy the bus."""
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         """The newest complete scan; overwritten by the next one."""
         self.scan.counts, self.scan.temperatures = self._core.counts, self._core.temperatures
@@ -73,26 +75,6 @@ class MappedDecoder:
     def receiving(self, receiving: bool) -> None:
         """Receive scans, or ignore them."""
         self._core.receiving = receiving
-
-    @property
-    def transit_time(self) -> float:  # numpydoc ignore=RT01
-        """Longest time that the frames of a scan occupy the bus [s]."""
-        return self._core.transit_time
-
-    @transit_time.setter
-    def transit_time(self, seconds: float) -> None:
-        """Set the longest time that the frames of a scan occupy the bus [s]."""
-        self._core.transit_time = seconds
-
-    @property
-    def unswitched_transit_time(self) -> float:  # numpydoc ignore=RT01
-        """The same from the first CAN FD frame without bit rate switch on [s]."""
-        return self._core.unswitched_transit_time
-
-    @unswitched_transit_time.setter
-    def unswitched_transit_time(self, seconds: float) -> None:
-        """Set the same from the first CAN FD frame without bit rate switch on [s]."""
-        self._core.unswitched_transit_time = seconds
 
     @property
     def blocks(self) -> int:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from posfet_core.protocol import ScanStatistics, Traffic, WallOffset
-from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, Frame
+from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
 from posfet_driver.protocol.decoded import Decoded, ScanReady
 from posfet_driver.protocol.frame_tables import NO_BLOCK, load_tables
 from posfet_driver.protocol.messages import Identity, Status
@@ -25,6 +25,7 @@ from reference.protocol.mapped.assembler import MappedAssembler
 from reference.protocol.mapped.counts import CountGather
 from reference.protocol.mapped.numbering import MappedNumbering
 from reference.protocol.mapped.readers import Message, ReadPart, reader
+from reference.protocol.transit_time import TransitTime
 
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _SEQUENCE_ESTIMATED: Final = int(ScanStatus.SEQUENCE_ESTIMATED)
@@ -82,11 +83,8 @@ class MappedDecoder:
         """Scan period of the sensor file [us]: the board does not tell."""
         self.kept_period = self.scan_period
         """The same: the scans measure none."""
-        self.transit_time = 0.0
-        """Longest time that the frames of a scan occupy the bus [s]."""
-        self.unswitched_transit_time = 0.0
-        """The same from the first CAN FD frame without bit rate switch on [s]."""
-        self._unswitched = False  # whether the board has sent such a frame
+        self.transit_time = TransitTime()
+        """Longest time that the frames of a scan occupy the bus."""
         self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
         steps_tell = self.tables.timed and self.tables.tick <= period
         self._gaps_show = self.tables.sequenced or steps_tell or self.tables.blocks == 1
@@ -142,7 +140,7 @@ class MappedDecoder:
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the bus was opened."""
         self.receiving = True
-        self._unswitched = False
+        self.transit_time.restart()
         self._assembler.forget()
 
     def note_overflow(self) -> None:
@@ -193,7 +191,7 @@ class MappedDecoder:
                     self.statistics.malformed += 1
                     continue
                 data = data[: message.length]  # noqa: PLW2901  # without what CAN fills up
-            self._unswitched |= kind & (FD | RATE_SWITCH) == FD
+            self.transit_time.see(kind)
             select = message.select
             part = message.parts.get(select(data) if select else 0)
             if part is None:
@@ -237,9 +235,7 @@ class MappedDecoder:
         scan.stamp_uncertainty = (
             math.nan
             if scan.status & _TIME_ESTIMATED
-            else (self.unswitched_transit_time if self._unswitched else self.transit_time)
-            + self.clock_uncertainty
-            + self.tables.tick / NANOSECONDS
+            else self.transit_time.current + self.clock_uncertainty + self.tables.tick / NANOSECONDS
         )
         if numbering.was_reset:
             scan.status |= _BOARD_RESET

@@ -33,6 +33,7 @@
 #include "posfet_core/protocol/scan_assembler.hpp"
 #include "posfet_core/protocol/scan_format.hpp"
 #include "posfet_core/protocol/scan_statistics.hpp"
+#include "posfet_core/protocol/transit_time.hpp"
 
 namespace posfet::protocol {
 
@@ -87,11 +88,8 @@ public:
   /// False until the board was identified and started: scans are ignored and not counted.
   bool receiving = false;
 
-  /// Longest time that the frames of a scan occupy the bus [s].
-  double transit_time = 0.0;
-
-  /// The same from the first CAN FD frame without bit rate switch on [s].
-  double unswitched_transit_time = 0.0;
+  /// Longest time that the frames of a scan occupy the bus.
+  TransitTime transit_time;
 
   /// Frames that carry no scan, by cause; who feeds counts all of them.
   Traffic traffic;
@@ -185,7 +183,6 @@ private:
   Counter scans_ = 0;
   std::optional<BoardState> state_;  ///< The newest one.
   Short status_data_{};              ///< Data of its frame.
-  bool unswitched_ = false;          ///< Whether a block has come in a CAN FD frame without bit rate switch.
   std::array<std::optional<Short>, kCommandsKept> own_commands_;
   std::size_t next_command_ = 0;
 };

@@ -18,6 +18,7 @@
 #include "posfet_core/protocol/mapped_numbering.hpp"
 #include "posfet_core/protocol/mapped_tables.hpp"
 #include "posfet_core/protocol/scan_statistics.hpp"
+#include "posfet_core/protocol/transit_time.hpp"
 
 namespace posfet::protocol {
 
@@ -43,11 +44,8 @@ public:
   /// Whether scans are received; otherwise they are ignored and not counted.
   bool receiving = false;
 
-  /// Longest time that the frames of a scan occupy the bus [s].
-  double transit_time = 0.0;
-
-  /// The same from the first CAN FD frame without bit rate switch on [s].
-  double unswitched_transit_time = 0.0;
+  /// Longest time that the frames of a scan occupy the bus.
+  TransitTime transit_time;
 
   /// Frames that carry no scan, by cause.
   Traffic traffic;
@@ -116,7 +114,6 @@ private:
   unsigned estimated_;  ///< Flag of every scan without a counter.
   bool gaps_show_;      ///< Frames tell where others were lost.
   bool overflowed_ = false;
-  bool unswitched_ = false;  ///< Whether the board has sent a CAN FD frame without bit rate switch.
   Counter scans_ = 0;
   Counter resets_ = 0;
 };
