@@ -18,6 +18,8 @@ import stat
 from pathlib import Path
 from typing import Final
 
+from posfet_model._lib.shown import one_line
+
 _PART: Final = ".posfet-{}.part"
 """Name of a file while it is written; short, so that it fits wherever the final name does."""
 
@@ -73,6 +75,23 @@ def read_text(path: str | Path, limit: int) -> str:
         return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise OSError(errno.EILSEQ, "is not UTF-8 text") from error
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a file whose folder is missing, by the name of the folder.
+
+    Parameters
+    ----------
+    path : Path
+        Path of a file that is to be written.
+
+    Raises
+    ------
+    OSError
+        There is no such folder.
+    """
+    if not path.parent.is_dir():
+        raise OSError(errno.ENOTDIR, f"{one_line(str(path.parent))} is not a folder", str(path))
 
 
 def write_text(path: str | Path, text: str) -> None:

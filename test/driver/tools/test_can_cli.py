@@ -369,6 +369,7 @@ def test_selftest_reports_what_failed(tmp_path: Path, capsys: pytest.CaptureFixt
         (["command", "set_rate", "-i", "virtual"], "set_rate: needs the scan period [us]"),
         (["command", "start", "5", "-i", "virtual"], "start: takes no argument"),
         (["record", "bus.txt", "-i", "virtual"], "bus.txt: must end with one of .log, .asc, .blf"),
+        (["record", "no/a.log", "-i", "virtual"], "no/a.log: cannot be written: no is not a folder"),
         (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
     ],
 )

@@ -168,6 +168,8 @@ def test_frames_of_another_board_are_rejected(files: Files, tmp_path: Path) -> N
     empty.write_text("")
     with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(empty, SENSOR)
+    with pytest.raises(ConfigError, match=r"scans.csv: must end with one of .mcap, .log, .asc, .blf"):
+        read_scans(tmp_path / "scans.csv", SENSOR)
 
 
 def test_a_recording_that_was_cut_is_said_in_one_line(

@@ -88,6 +88,17 @@ def test_what_can_be_read_of_a_damaged_recording_is_exported(
         assert arrays["good/value"].tolist() == [5]
 
 
+def test_a_recording_that_was_cut_before_its_first_message_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(STORED.read_bytes()[:500])
+    assert main([str(cut), str(tmp_path / "x.npz")]) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert said == f"{cut}: it ends within a record; 0 messages up to byte {said.split()[-5]} of 500 were read\n"
+    assert list(tmp_path.iterdir()) == [cut]
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

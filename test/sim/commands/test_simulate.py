@@ -180,7 +180,8 @@ def test_a_schema_includes_all_nested_message_types() -> None:
         (["--out", "x.csv", "--imperfections", "some.yaml"], "some.yaml: cannot be read"),
         (["--out", "x.mcap", "--namespace", ""], "namespace: must be names"),
         (["--out", "x.csv", "--namespace", "a b"], "namespace: must be names"),
-        (["--out", "no/such/folder/x.csv"], "no/such/folder/x.csv: cannot be written"),
+        (["--out", "no/such/x.csv"], "no/such/x.csv: cannot be written: no/such is not a folder"),
+        (["--out", "no/such/x.mcap"], "no/such/x.mcap: cannot be written: no/such is not a folder"),
     ],
 )
 def test_invalid_input_gives_a_one_line_error(

@@ -138,6 +138,13 @@ def test_a_sensor_is_simulated_if_its_own_description_says_so(simulated: bool, t
     assert RecordedScans(path, SENSOR, "index/raw").simulated() is not simulated
 
 
+def test_a_recording_that_was_cut_before_its_first_message_says_so(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(STORED.read_bytes()[:500])
+    with pytest.raises(ConfigError, match=rf"^{cut}: it ends within a record; 0 messages up to byte \d+ of 500 were"):
+        RecordedScans(cut, SENSOR)
+
+
 def test_scans_of_another_sensor_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"not of layout \d+ of sensor .*sensor_file:=<file>"):
         RecordedScans(STORED, load_sensor("posfet_16x16"))

@@ -22,6 +22,7 @@ from can.io.blf import BLFParseError
 from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.recording_readers import BoundedBlfReader, BoundedLines
 from posfet_model.config import ConfigError
+from posfet_model.files import check_folder
 
 FORMATS: Final = (".log", ".asc", ".blf")
 """candump, Vector ASC (text), Vector BLF (binary)."""
@@ -80,6 +81,7 @@ def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
         written += 1
 
     try:
+        check_folder(file)
         log = can.Logger(str(file))
         try:
             with log:

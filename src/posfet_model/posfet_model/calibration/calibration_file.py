@@ -33,6 +33,7 @@ from posfet_model.calibration.taxel_calibration import (
     Residuals,
 )
 from posfet_model.config import ConfigError, Section, read_yaml, write_text
+from posfet_model.files import check_folder
 from posfet_model.sensor.description import Sensor
 
 VERSION: Final = 2
@@ -169,10 +170,10 @@ def check_writable(path: str | Path) -> Path:
     try:
         if not target.name or (target.exists() and not target.is_file()):  # it would be replaced, even a device node
             reason = "not a regular file"
-        elif not target.parent.is_dir():
-            reason = f"{one_line(str(target.parent))} is not a folder"
-        elif not os.access(target.parent, os.W_OK | os.X_OK):
-            reason = f"{one_line(str(target.parent))} is read-only"
+        else:
+            check_folder(target)
+            if not os.access(target.parent, os.W_OK | os.X_OK):
+                reason = f"{one_line(str(target.parent))} is read-only"
     except OSError as error:  # such as a name that is too long
         reason = error.strerror or "not a file name"
     if reason:

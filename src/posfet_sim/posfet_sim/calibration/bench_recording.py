@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_driver.bus.message_conversion import frame_of
-from posfet_driver.bus.recording import messages
+from posfet_driver.bus.recording import FORMATS, messages
 from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.mapped_decoder import make_decoder
 from posfet_model._lib.minima import golden_section
@@ -45,6 +45,9 @@ from posfet_sim.contact.indenters import Sphere
 from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.scene import Keyframes, Scene, SceneLoads, SceneObject
 from posfet_sim.scene.keyframes import Pose, Span
+
+MCAP: Final = ".mcap"
+"""Suffix of a recording of raw scans; those of the bus have other ones."""
 
 COLUMNS: Final = ("time_s", "x_mm", "y_mm", "force_N")
 """Columns of the file of the rig: time of its clock, centre of the contact in the frame of the array, and force."""
@@ -144,9 +147,11 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     ConfigError
         There is no scan or no temperature in it, or the board was reset. The message is one line.
     """
+    if file.suffix.lower() not in {MCAP, *FORMATS}:
+        raise ConfigError(f"{file}: must end with one of {', '.join((MCAP, *FORMATS))}")
     stamps: list[int] = []
     counts, temperatures = [], []
-    recorded = RecordedScans(file, sensor) if file.suffix == ".mcap" else None
+    recorded = RecordedScans(file, sensor) if file.suffix.lower() == MCAP else None
     for scan in _decoded(file, sensor) if recorded is None else recorded.scans():
         if stamps and (scan.status & (ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT) or scan.stamp <= stamps[-1]):
             raise ConfigError(f"{file}: the board was reset or its ADC failed after {len(stamps)} scans")

@@ -47,6 +47,8 @@ class Export:
         self.recording = Recording(path)
         """The file."""
         overview = self.recording.overview()
+        if not overview.topics:
+            raise ConfigError(self.recording.missing or f"{path}: has no messages")
         self.messages = overview.messages
         """Number of messages in it."""
         self.topics = _chosen(path, list(overview.topics), topics)
@@ -87,8 +89,6 @@ class Export:
 
 
 def _chosen(path: Path, known: list[str], wanted: Sequence[str]) -> list[str]:
-    if not known:
-        raise ConfigError(f"{path}: has no messages")
     found = []
     for name in wanted:
         matching = [topic for topic in known if topic == name or topic.endswith(f"/{name.strip('/')}")]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from posfet_model.config import ConfigError
+from posfet_model.files import check_folder
 from posfet_sim.recording.whole_writes import SpaceReserve, WholeWrites
 
 CHUNK_SIZE: Final = 1 << 20
@@ -58,6 +59,7 @@ class MessageFile:
         """Number of messages."""
         self._reserve = SpaceReserve(path.parent)
         try:
+            check_folder(path)
             self._stream = WholeWrites(path, self._reserve, overwrite)
         except OSError as error:
             self._reserve.release()

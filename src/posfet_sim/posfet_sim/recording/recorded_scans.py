@@ -101,6 +101,8 @@ class RecordedScans:
         """The file."""
         self.overview: Overview = self.recording.overview()
         """What it contains."""
+        if self.recording.missing and not self.overview.topics:
+            raise ConfigError(self.recording.missing)
         self.topic: Topic = _raw_topic(path, self.overview, topic)
         """Topic of the scans."""
         self.problem = ""

@@ -16,6 +16,7 @@ from typing import Final, Protocol
 
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
+from posfet_model.files import check_folder
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_sim.device.ground_truth import Truth, truth_columns, truth_row
@@ -99,6 +100,7 @@ class CsvRecorder:
 
     def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
         layout = sensor.layout
+        check_folder(path)
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
         self._writer.writerow(
