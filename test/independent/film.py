@@ -86,7 +86,9 @@ HUM_HARMONICS: Final = ((1, 1.0), (3, 0.2), (5, 0.1))
 MAINS: Final = 50.0
 """[Hz]."""
 _CHUNK: Final = 2048
-"""Scans of which the drives of linear states are computed at once."""
+"""Scans of which the distances of play operators are summed at once."""
+_BLOCK: Final = 64
+"""Scans of a block of which linear states are computed at once."""
 
 
 @dataclass(frozen=True)
@@ -578,20 +580,38 @@ def _hold(rates: Array, step: float) -> tuple[Array, Array, Array]:
 
 
 def _modes(signal: Array, left: Array, right: Array, decay: Array, out: Array) -> Array:
-    """Return weighted sums of first-order modes, shape [scans, signals]; coefficients have shape [signals, modes]."""
-    result = np.empty_like(signal)
-    state, kept = np.zeros_like(decay), np.empty_like(decay)
-    previous = np.zeros(signal.shape[1])
-    for begin in range(0, len(signal), _CHUNK):
-        part = signal[begin : begin + _CHUNK]
-        lagged = np.concatenate([previous[None], part[:-1]])
-        states = lagged[:, :, None] * left + part[:, :, None] * right
-        for following in states:
-            np.multiply(state, decay, out=kept)
-            state = np.add(following, kept, out=following)
-        result[begin : begin + _CHUNK] = np.einsum("tsm,sm->ts", states, out)
-        previous, state = part[-1].copy(), states[-1].copy()
-    return result
+    """Return weighted sums of first-order modes, shape [scans, signals]; coefficients have shape [signals, modes].
+
+    A block of scans is the response to its own signal and to what the signal before it left in the modes at its start.
+    """
+    scans, signals = signal.shape
+    into = decay * right + left
+    powers = decay[:, :, None] ** np.arange(_BLOCK + 1)
+    later = np.einsum("sm,smk->sk", out * into, powers[:, :, : _BLOCK - 1])
+    own = _triangle(np.concatenate([(out * right).sum(axis=1)[:, None], later], axis=1))
+    blocks = _blocks(signal).transpose(2, 1, 0)  # [signals, scans of a block, blocks]
+    starts = (
+        into[:, :, None] * powers[:, :, _BLOCK - 1 :: -1]
+    ) @ blocks  # what each block adds, [signals, modes, blocks]
+    state = np.zeros_like(decay)
+    for block in range(starts.shape[2]):
+        following = powers[:, :, _BLOCK] * state + starts[:, :, block]
+        starts[:, :, block], state = state, following
+    result = own @ blocks + (out[:, :, None] * powers[:, :, :_BLOCK]).transpose(0, 2, 1) @ starts
+    return np.ascontiguousarray(result.transpose(2, 1, 0).reshape(-1, signals)[:scans])
+
+
+def _triangle(response: Array) -> Array:
+    """Return matrices that convolve a block with a response, shape [..., scans, scans]."""
+    behind = np.arange(response.shape[-1])
+    delay = np.subtract.outer(behind, behind)
+    return np.where(delay >= 0, response[..., np.abs(delay)], 0.0)
+
+
+def _blocks(signal: Array) -> Array:
+    """Return a signal in blocks of scans, the last one filled up with 0, shape [blocks, scans of a block, signals]."""
+    missing = -len(signal) % _BLOCK
+    return np.pad(signal, ((0, missing), (0, 0))).reshape(-1, _BLOCK, signal.shape[1])
 
 
 def _ornstein_uhlenbeck(rng: np.random.Generator, shape: tuple[int, int], time: float, step: float) -> Array:
@@ -599,6 +619,10 @@ def _ornstein_uhlenbeck(rng: np.random.Generator, shape: tuple[int, int], time: 
     decay = math.exp(-step / time)
     values = rng.standard_normal(shape)
     values[1:] *= math.sqrt(1.0 - decay * decay)
-    for index in range(1, shape[0]):
-        values[index] += decay * values[index - 1]
-    return values
+    powers = decay ** np.arange(_BLOCK + 1)
+    blocks = _triangle(powers[:_BLOCK]) @ _blocks(values)
+    last = np.zeros(shape[1])
+    for block in blocks:
+        np.add(block, powers[1:, None] * last, out=block)
+        last = block[-1]
+    return blocks.reshape(-1, shape[1])[: shape[0]]
