@@ -120,6 +120,15 @@ def test_the_delay_depends_neither_on_the_leakage_of_the_board_nor_on_hum(slower
     assert late == pytest.approx(LATE, abs=0.03e-3)
 
 
+def test_a_pose_between_two_readings_is_that_of_a_straight_line_to_the_last_digit() -> None:
+    rng = np.random.default_rng(3)
+    times, values = np.cumsum(rng.uniform(1e-3, 1e-2, 300)), rng.normal(0.0, 1.0, (3, 300))
+    reference = Reference(times, values)
+    for time in (*rng.uniform(times[0] - 0.1, times[-1] + 0.1, 1000), *times, -1.0, 9.0):
+        x, y, force = (float(np.interp(time, times, row)) for row in values)
+        assert reference.at(float(time)) == (x, y, 0.0, force)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

@@ -19,8 +19,10 @@ import csv
 import io
 import math
 from array import array
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -97,8 +99,19 @@ class Reference:
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s]."""
-        x, y, force = (float(np.interp(time, self.times, row)) for row in self.values)
+        times, rows = self._numbers
+        at = bisect_right(times, time) - 1
+        if at < 0 or at == len(times) - 1 or times[at] == time:
+            x, y, force = (row[max(at, 0)] for row in rows)
+        else:
+            step, since = times[at + 1] - times[at], time - times[at]
+            x, y, force = ((row[at + 1] - row[at]) / step * since + row[at] for row in rows)
         return x, y, 0.0, force
+
+    @cached_property
+    def _numbers(self) -> tuple[array[float], list[array[float]]]:
+        """Times and values as numbers of Python: a pose at a time is found faster than by NumPy."""
+        return array("d", self.times.tobytes()), [array("d", row.tobytes()) for row in self.values]
 
     def changes(self) -> list[Span]:
         """Return the interval of all readings [s]."""
