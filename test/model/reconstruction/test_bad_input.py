@@ -104,16 +104,16 @@ FAULTS: dict[str, tuple[int, Edit]] = {
 
 
 def play(force: float, edit: Edit, repeat: bool = False) -> tuple[list[tuple[int, bool, Any, Any]], Reconstructor]:
-    """Return (index, valid, forces, standard deviations) of every scan that gave a frame."""
+    """Return (index, valid, forces, standard deviations) of every scan from `BEGIN` on that gave a frame."""
     reconstructor = Reconstructor(SENSOR)
     frames = []
     for time, original in scans(SENSOR, 1.6, force=press(force, 0.5, 9.0), shape=FINGER):
-        index, scan = round(time * 1000), copy.deepcopy(original)
+        index, scan = round(time * 1000), original.snapshot()
         if edit(index, scan) is False:
             continue
         for _ in range(2 if repeat and index >= BEGIN else 1):
             result = reconstructor.process(scan)
-            if result.accepted or result.unusable:
+            if index >= BEGIN and (result.accepted or result.unusable):
                 image = reconstructor.image()
                 frames.append((index, result.valid, image.force.copy(), image.standard_deviation.copy()))
     return frames, reconstructor

@@ -114,7 +114,7 @@ def run(
             scan.counts[:] = (scan.counts >> 4 << 4) | scan.counts >> 12
         fault(round(time * rate), scan)
         results.append(copy.copy(reconstructor.process(scan)))
-        statuses.append(reconstructor.image().status.copy())
+        statuses.append(reconstructor.status().copy())
     return reconstructor, results, statuses
 
 

@@ -77,7 +77,7 @@ def run(
     for time, scan in scans(sensor, duration, force=force, shape=shape):
         edit(time, scan)
         results.append(copy.copy(reconstructor.process(scan)))
-        statuses.append(reconstructor.image().status.copy())
+        statuses.append(reconstructor.status().copy())
     return results, statuses
 
 

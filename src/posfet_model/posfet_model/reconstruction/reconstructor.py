@@ -484,7 +484,7 @@ class Reconstructor:
         shared = self._shared_errors()
         each = self._variance + np.einsum("ij,ij->i", shared, shared)
         np.sqrt(each, out=image.standard_deviation, casting="same_kind")
-        image.status[:] = faults.status
+        self.status()
         if self._path.blank:
             known = np.zeros_like(known)
         if faults.any_faulty or not estimator.valid or self._path.blank:
@@ -494,10 +494,23 @@ class Reconstructor:
         if self._result.saturated:
             bounded = self._saturated & ~faults.faulty
             if bounded.any():
-                image.status[bounded] = TaxelStatus.SATURATED
                 image.standard_deviation[bounded] = math.nan
                 image.total_standard_deviation = math.nan
         return image
+
+    def status(self) -> NDArray[np.uint8]:
+        """Return the status of each taxel at the last scan (TaxelStatus), which is a part of the force image.
+
+        Returns
+        -------
+        ndarray
+            Shape [rows * cols]; overwritten by the next call and that of `image`.
+        """
+        status, faults = self._image.status, self._faults
+        status[:] = faults.status
+        if self._result.saturated:
+            status[self._saturated & ~faults.faulty] = TaxelStatus.SATURATED
+        return status
 
     def _shared_errors(self) -> NDArray[np.float64]:
         """Return a factor of the errors that the forces share, with that of what they changed by since the block."""
