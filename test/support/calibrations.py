@@ -39,17 +39,22 @@ class SharedCalibrations:
         folder.mkdir(exist_ok=True)
 
     def __call__(
-        self, sensor: Sensor, seed: int, error_model: ErrorModel | None = None, device: Sensor | None = None
+        self,
+        sensor: Sensor,
+        seed: int,
+        error_model: ErrorModel | None = None,
+        device: Sensor | None = None,
+        long_hold: bool = True,
     ) -> Calibration:
         """Return the calibration of a board, which another process may be making: one makes it, the others wait."""
-        what = repr((sensor, seed, error_model, device))  # dataclasses of numbers and words
+        what = repr((sensor, seed, error_model, device, long_hold))  # dataclasses of numbers and words
         path = self._folder / hashlib.sha256(what.encode()).hexdigest()
         with path.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not path.exists():
                 part = path.with_suffix(".part")
                 sensor, device = with_rate(sensor), with_rate(device) if device else None
-                part.write_bytes(pickle.dumps(simulated_bench.calibrate(sensor, seed, error_model, device)))
+                part.write_bytes(pickle.dumps(simulated_bench.calibrate(sensor, seed, error_model, device, long_hold)))
                 part.rename(path)
         found: Calibration = pickle.loads(path.read_bytes())
         return found

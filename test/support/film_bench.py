@@ -14,7 +14,7 @@ the simulated rig.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from posfet_core import scan_path
 from posfet_model.calibration.bench_signals import Recording
-from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.description import Layout, Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration.simulated_bench import pressing_scene
 from posfet_sim.scene import Scene, SceneLoads
@@ -83,8 +83,8 @@ class Board:
 
 
 @lru_cache(maxsize=4)
-def _programme(sensor_name: str, long_hold: bool) -> tuple[Floats, Floats, Floats]:
-    sensor = load_sensor(sensor_name)
+def _programme(layout: Layout, long_hold: bool) -> tuple[Floats, Floats, Floats]:
+    sensor = replace(load_sensor(), layout=layout)
     return forces_of(sensor, pressing_scene(sensor, long_hold))
 
 
@@ -161,7 +161,7 @@ def record(
     """
     rng = np.random.default_rng(seed)
     taxels = sensor.layout.taxels
-    time, force, chip = _programme(sensor.name, long_hold)
+    time, force, chip = _programme(sensor.layout, long_hold)
     chip = chip + film.ramp * time
     gain = 1.0 + 0.06 * rng.standard_normal(taxels)
     tau = sensor.device.leak_time_constant * np.exp(0.1 * rng.standard_normal(taxels))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ from posfet_model.reconstruction.taxel_faults import TaxelStatus
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration import simulated_bench
-from posfet_sim.calibration.simulated_bench import record
+from posfet_sim.calibration.simulated_bench import pressing_scene, record
 from posfet_sim.commands import calibrate
 from posfet_sim.commands.calibrate import main
 from posfet_sim.commands.score import Run, perturbed, run
@@ -44,6 +45,7 @@ from posfet_sim.scene import load_scene
 from support.calibrations import with_rate
 
 SENSOR = load_sensor()
+SMALL = replace(SENSOR, layout=replace(SENSOR.layout, rows=3, cols=3))
 DATE = "2024-01-01T00:00:00+00:00"
 ROUGH = replace(ErrorModel.default(), resets_per_hour=0.0, dead_probability=0.0, stuck_probability=0.0)
 DEVICE = perturbed(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
@@ -58,6 +60,13 @@ def recording() -> Recording:
 @pytest.fixture(scope="module")
 def found(recording: Recording) -> Calibration:
     return fit(SENSOR, recording, DATE)
+
+
+@pytest.fixture(scope="module")
+def presses(recording: Recording) -> Recording:
+    """The recording without its long hold: what depends on neither relaxation nor warmth is fitted in less time."""
+    kept = recording.time < pressing_scene(SENSOR, long_hold=False).period
+    return Recording(recording.time[kept], recording.counts[kept], recording.temperature[kept], recording.force[kept])
 
 
 def test_calibration_recovers_taxel_parameters_despite_model_mismatch(found: Calibration) -> None:
@@ -76,11 +85,12 @@ def test_calibration_recovers_taxel_parameters_despite_model_mismatch(found: Cal
 
 
 def test_calibration_does_not_depend_on_the_sign_of_the_temperature_change(
-    found: Calibration, monkeypatch: pytest.MonkeyPatch
+    presses: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Residual charge from hysteresis must not be identified as leakage or temperature rise, whose signs differ then.
     monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
-    warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, with_rate(DEVICE)), DATE)
+    found = fit(SENSOR, presses, DATE)
+    warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, with_rate(DEVICE), long_hold=False), DATE)
     np.testing.assert_allclose(warmed.gain, found.gain, rtol=0.006)
     np.testing.assert_allclose(warmed.leak_time_constant, found.leak_time_constant, rtol=0.01)
     np.testing.assert_allclose(warmed.pyroelectric_gain, found.pyroelectric_gain, rtol=0.01)
@@ -105,10 +115,10 @@ def test_scores_with_model_mismatch_and_five_percent_gain_error(found: Calibrati
     assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
 
 
-def test_a_taxel_without_response_is_marked_dead_permanently(recording: Recording) -> None:
-    counts = recording.counts.copy()
+def test_a_taxel_without_response_is_marked_dead_permanently(presses: Recording) -> None:
+    counts = presses.counts.copy()
     counts[:, 7] = 0x8000
-    found = fit(SENSOR, replace(recording, counts=counts), DATE)
+    found = fit(SENSOR, replace(presses, counts=counts), DATE)
     assert np.flatnonzero(found.dead).tolist() == [7]
     assert Reconstructor(SENSOR, found).image().status[7] == TaxelStatus.DEAD
 
@@ -183,19 +193,22 @@ def test_an_insufficient_recording_is_rejected(recording: Recording) -> None:
 def test_the_command_writes_a_calibration_that_the_score_reads(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    found: Calibration,
     monkeypatch: pytest.MonkeyPatch,
     shared_calibrate: Callable[..., Calibration],
 ) -> None:
-    monkeypatch.setattr(calibrate, "calibrate", shared_calibrate)
+    monkeypatch.setattr(calibrate, "calibrate", partial(shared_calibrate, long_hold=False))
     path = tmp_path / "cal.yaml"
     page = tmp_path / "report.html"
-    assert main([str(path), "--report", str(page)]) == 0
+    small = tmp_path / "small.yaml"
+    shipped = (SENSOR_FOLDER / "posfet_5x5.yaml").read_text()
+    small.write_text(shipped.replace("rows: 5 ", "rows: 3 ").replace("cols: 5", "cols: 3"))
+    sensor = ["--sensor", str(small)]
+    assert main([str(path), "--report", str(page), *sensor]) == 0
     assert "hold-out set" in capsys.readouterr().out
     text = page.read_text()
     assert text.count("<svg") == 4
     assert text.count("http") == 0  # self-contained
-    assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
+    assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1", *sensor]) == 0
     capsys.readouterr()
     monkeypatch.setattr(calibrate, "calibrate", lambda *_: pytest.fail("an unwritable file is rejected before the fit"))
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
@@ -205,7 +218,7 @@ def test_the_command_writes_a_calibration_that_the_score_reads(
     assert main([str(device)]) == 1
     assert capsys.readouterr().err == f"{device}: cannot be written: not a regular file\n"
     assert device.is_fifo()
-    assert main([str(path), "--report", str(tmp_path / "none" / "report.html")]) == 1
+    assert main([str(path), "--report", str(tmp_path / "none" / "report.html"), *sensor]) == 1
     assert "report.html: cannot be written" in capsys.readouterr().err
 
 
@@ -255,8 +268,8 @@ def test_a_taxel_with_a_stuck_bit_is_dead_and_the_others_are_calibrated(
 ) -> None:
     default = ErrorModel.default()
     board = replace(default, resets_per_hour=0.0, board=replace(default.board, stuck_bit=7))
-    found = shared_calibrate(SENSOR, seed, board)
-    sound = shared_calibrate(SENSOR, seed, replace(board, board=default.board))
+    found = shared_calibrate(SMALL, seed, board, long_hold=False)
+    sound = shared_calibrate(SMALL, seed, replace(board, board=default.board), long_hold=False)
     stuck = found.dead & ~sound.dead
     assert stuck.sum() == 1
     assert (sound.dead <= found.dead).all()

@@ -110,7 +110,13 @@ def _middle(sensor: Sensor) -> int:
     return int(np.argmin(np.abs(sensor.layout.positions).sum(axis=1)))
 
 
-def record(sensor: Sensor, seed: int, error_model: ErrorModel | None, device: Sensor | None = None) -> Recording:
+def record(
+    sensor: Sensor,
+    seed: int,
+    error_model: ErrorModel | None,
+    device: Sensor | None = None,
+    long_hold: bool = True,
+) -> Recording:
     """Record the calibration scene on a simulated board.
 
     Parameters
@@ -123,13 +129,15 @@ def record(sensor: Sensor, seed: int, error_model: ErrorModel | None, device: Se
         Error model of the board; None: ideal.
     device : Sensor, optional
         True properties of the board; default: as in `sensor`.
+    long_hold : bool, default True
+        Whether there are a light touch and a long hold at the end, which tell relaxation and warmth.
 
     Returns
     -------
     Recording
         Scans of the board, with the true forces as the reference.
     """
-    scene = pressing_scene(sensor)
+    scene = pressing_scene(sensor, long_hold)
     times, counts, temperatures, forces = [], [], [], []
     for scan, truth in received_scans(device or sensor, scene, scene.period, seed, error_model):
         times.append(truth.time)
@@ -146,7 +154,11 @@ def record(sensor: Sensor, seed: int, error_model: ErrorModel | None, device: Se
 
 
 def calibrate(
-    sensor: Sensor, seed: int, error_model: ErrorModel | None = None, device: Sensor | None = None
+    sensor: Sensor,
+    seed: int,
+    error_model: ErrorModel | None = None,
+    device: Sensor | None = None,
+    long_hold: bool = True,
 ) -> Calibration:
     """Calibrate a simulated board.
 
@@ -160,6 +172,8 @@ def calibrate(
         Error model of the board; default: ideal.
     device : Sensor, optional
         True properties of the board; default: as in `sensor`.
+    long_hold : bool, default True
+        Whether there are a light touch and a long hold at the end, which tell relaxation and warmth.
 
     Returns
     -------
@@ -171,7 +185,7 @@ def calibrate(
     ValueError
         The fit fails.
     """
-    return fit(sensor, record(sensor, seed, error_model, device), timestamp())
+    return fit(sensor, record(sensor, seed, error_model, device, long_hold), timestamp())
 
 
 def timestamp() -> str:
