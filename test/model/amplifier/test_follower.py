@@ -367,7 +367,7 @@ class TestSweep:
             found.add(f"step/tau 1e{low}..1e{low + 3}", state.lags[0] - table["mean_decay"][rows])
         found.check(record_property)
 
-    @pytest.mark.parametrize("size", [0, 1, 25, 1_000_000])
+    @pytest.mark.parametrize("size", [0, 1, 25, 100_000])
     @pytest.mark.parametrize("dtype", [np.float32, np.float64])
     def test_any_number_of_taxels(self, size: int, dtype) -> None:
         v_in = np.linspace(-1, 1, size, dtype=dtype)

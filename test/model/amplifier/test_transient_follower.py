@@ -101,7 +101,7 @@ def test_the_samples_asked_for_do_not_change_the_result(follower: CircuitFollowe
 def test_a_tighter_tolerance_converges() -> None:
     circuit = AmplifierCircuit.from_design(CIRCUITS["two_stage_100pf"].bias)
     loose, tight, tightest = (
-        step_of(CircuitFollower(circuit=circuit, tolerance=tolerance), 0.5, 20, 2e-6)
+        step_of(CircuitFollower(circuit=circuit, tolerance=tolerance), 0.5, 10, 1e-6)
         for tolerance in (1e-3, 1e-5, 1e-7)
     )
     assert np.abs(tight - tightest).max() < 0.1 * np.abs(loose - tightest).max() < 1e-2
@@ -157,14 +157,14 @@ def test_a_period_of_an_oscillation_takes_few_sub_steps_and_is_right(
 ) -> None:
     follower = of_circuit(name)
     period = 1 / float(follower.figures.gain_bandwidth)
-    time = np.linspace(0, 25 * period, 801)[1:]
+    time = np.linspace(0, 15 * period, 481)[1:]
     start = SystemState(np.zeros(()), follower.circuit.operating_point(0.0), np.inf)
     jumped = advance(follower.circuit, start, np.asarray(0.05), 0.0, TOLERANCE)
     wanted = follower.circuit.output(advance_through(follower.circuit, jumped, jumped.v_in, time, TOLERANCE)[1])
     steps, one = [], transient_module._step
     monkeypatch.setattr(transient_module, "_step", lambda *of: steps.append(1) or one(*of))
-    found = follower.run(np.r_[0.0, 0.0, time], np.r_[0.0, np.full(801, 0.05)]).v_out[2:]
-    assert len(steps) <= 40 * 25
+    found = follower.run(np.r_[0.0, 0.0, time], np.r_[0.0, np.full(481, 0.05)]).v_out[2:]
+    assert len(steps) <= 40 * 15
     late = time > 10 * period
     swings, frequencies = zip(*(swing_and_frequency(time[late], out[late]) for out in (found, wanted)), strict=True)
     assert swings[0] == pytest.approx(swings[1], abs=5e-3) and swings[1] > 0.5
@@ -187,7 +187,7 @@ def test_an_input_at_which_the_output_stage_carries_too_little_is_named_where_it
     result = follower.run([0.0, 1e-3, 2e-3, 3e-3], [0.0, 0.5, -0.5, -2.5])
     assert result.valid.tolist() == [True, True, False, False]
     assert set(result.reasons) == {RINGS_HERE, UNSTABLE_HERE}
-    time = np.linspace(0, 10e-6, 101)
+    time = np.linspace(0, 6e-6, 61)
     swing = follower.run(time, np.where(time > 1e-6, -2.49, -2.5))
     assert not swing.valid.any() and np.ptp(swing.v_out[-30:]) > 0.1
 
@@ -272,7 +272,7 @@ def test_what_is_refused() -> None:
     assert_refused(many.start, {"v_in": np.zeros(3)}, "v_in")
 
 
-@pytest.mark.parametrize("name", ["two_stage", "one_stage_100pf"])
+@pytest.mark.parametrize("name", long_cases(["two_stage", "one_stage_100pf"], ["one_stage_100pf"]))
 def test_a_straight_run_of_samples_is_integrated_as_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The output at each sample is that of the samples one by one, in far fewer steps."""
     follower, time = of_circuit(name), np.arange(160) * 12.5e-9
@@ -316,7 +316,7 @@ def test_straight_runs_end_at_corners_and_jumps() -> None:
     assert runs(even, [0, 1, 2, 3, 4, 5, 6], [0, 0, 0, 0, 1, 2, 3]) == [0, 3, 6]  # of both columns
 
 
-@pytest.mark.parametrize("name", ["two_stage", "one_stage_100pf"])
+@pytest.mark.parametrize("name", long_cases(["two_stage", "one_stage_100pf"], ["two_stage"]))
 def test_behind_a_slow_input_the_output_is_known_without_integration(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -367,9 +367,9 @@ def test_many_inputs_are_judged_as_each_of_them_is() -> None:
 
 
 def test_a_curved_input_is_integrated_in_stretches_of_time_as_in_sequence(monkeypatch: pytest.MonkeyPatch) -> None:
-    time = np.arange(900) * 1e-8
+    time = np.arange(620) * 1e-8
     v_in = 0.1 * np.sin(2e6 * np.pi * time) + 0.2 * np.sin(0.34e6 * np.pi * time)
-    v_in[420:] += 0.3  # and a step within a stretch
+    v_in[280:] += 0.3  # and a step within a stretch
     follower, steps = FOLLOWERS["opamp_b"], []
     real = advance_through
     monkeypatch.setattr(transient_follower, "advance_through", lambda *given: steps.append(1) or real(*given))
@@ -377,7 +377,7 @@ def test_a_curved_input_is_integrated_in_stretches_of_time_as_in_sequence(monkey
     assert len(steps) < 100
     monkeypatch.setattr(transient_follower, "advance_stretches", lambda *given: None)
     expected = follower.run(time, v_in)
-    assert len(steps) > 600
+    assert len(steps) > 400
     assert np.abs(found.v_out - expected.v_out).max() < follower.tolerance
     assert found.valid.tolist() == expected.valid.tolist()
 

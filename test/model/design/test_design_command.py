@@ -38,6 +38,13 @@ def run(capsys: pytest.CaptureFixture[str]) -> Any:
     return call
 
 
+@pytest.fixture
+def without_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Overshoot and slew rates are integrated for single designs, which other tests do: here their place is taken."""
+    monkeypatch.setattr(report, "step_test", lambda follower: StepTest(0.0, 0.0, 0.0))
+    monkeypatch.setattr(report, "slew_rates", lambda *given: (1.0, 1.0))
+
+
 def test_the_report_has_every_figure_with_its_unit(run: Any) -> None:
     code, out, err = run("square_millimetre")
     assert (code, err) == (0, "")
@@ -103,6 +110,7 @@ def test_figures_in_round_numbers_are_reached(run: Any, tmp_path: Path) -> None:
         assert json.loads(run(path, "--json")[1])["gbw_hz"] == pytest.approx(1e6, rel=1e-6)
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_a_long_oscillation_is_announced(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, out = tmp_path / "in.csv", tmp_path / "out.csv"
     source.write_text(STEP, encoding="utf-8")
@@ -113,10 +121,8 @@ def test_a_long_oscillation_is_announced(run: Any, tmp_path: Path, monkeypatch: 
     assert run(*words, "--linear")[2] == ""
 
 
-def test_every_shipped_design_has_a_report(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Overshoot and slew rates are integrated for single designs, which other tests do: here their place is taken."""
-    monkeypatch.setattr(report, "step_test", lambda follower: StepTest(0.0, 0.0, 0.0))
-    monkeypatch.setattr(report, "slew_rates", lambda *given: (1.0, 1.0))
+@pytest.mark.usefixtures("without_steps")
+def test_every_shipped_design_has_a_report(run: Any) -> None:
     assert run("--list")[1].split() == shipped()
     for name in shipped():
         code, out, err = run(name, "--json")
@@ -125,6 +131,7 @@ def test_every_shipped_design_has_a_report(run: Any, monkeypatch: pytest.MonkeyP
         assert document["valid"] == (document["reasons"] == []), name
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_the_netlist_is_written(run: Any, tmp_path: Path) -> None:
     assert run("one_stage", "--netlist", tmp_path / "a.cir")[0] == 0
     text = (tmp_path / "a.cir").read_text(encoding="utf-8")
@@ -136,6 +143,7 @@ def test_the_netlist_is_written(run: Any, tmp_path: Path) -> None:
     assert (tmp_path / "b.cir").read_text(encoding="utf-8").splitlines()[0].endswith(": my_finger_1")
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_a_simulation_has_the_inputs_own_times_or_even_ones(run: Any, tmp_path: Path) -> None:
     source, out = tmp_path / "in.csv", tmp_path / "out.csv"
     source.write_text(f"# a step\n{STEP}", encoding="utf-8")
@@ -161,6 +169,7 @@ def test_a_simulation_has_the_inputs_own_times_or_even_ones(run: Any, tmp_path: 
     assert 0.01 < even[11, 2] < 0.04
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_a_simulation_says_which_samples_are_not_valid_and_why(run: Any, tmp_path: Path) -> None:
     source, out = tmp_path / "in.csv", tmp_path / "out.csv"
     source.write_text("t,vin\n0,0\n1e-5,-0.5\n1.5e-5,-1.28\n1.6e-5,-1.28\n4e-5,0.5\n6e-5,0.5\n", encoding="utf-8")
@@ -327,6 +336,7 @@ def test_a_bad_option_is_a_usage_error(words: list[str], capsys: pytest.CaptureF
     assert words[0] in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_steps")
 @pytest.mark.parametrize("words", [(), ("--dt", "1e-8")])
 def test_times_may_be_unix_times_to_the_nanosecond(words: tuple[str, ...], run: Any, tmp_path: Path) -> None:
     """In float64 a Unix time is 0.24 us off, twice the time constant of the follower."""
@@ -355,6 +365,7 @@ def test_times_that_decrease_are_shown_as_they_are_written(run: Any, tmp_path: P
     assert "in.csv:3: t must not decrease, got 1700000000.000001 after 1700000000.000002" in err
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_small_signals_may_be_simulated_by_the_linear_follower(run: Any, tmp_path: Path) -> None:
     source, outputs = tmp_path / "in.csv", []
     source.write_text("t,vin\n0,0\n1e-6,0\n1e-6,0.002\n3e-6,0.002\n", encoding="utf-8")
@@ -371,6 +382,7 @@ def test_small_signals_may_be_simulated_by_the_linear_follower(run: Any, tmp_pat
     assert 0 < steep["valid_samples"] < steep["samples"] == 301
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_a_long_signal_is_followed_in_pieces_without_a_seam(
     run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -384,6 +396,7 @@ def test_a_long_signal_is_followed_in_pieces_without_a_seam(
     np.testing.assert_allclose(results[0], results[1], rtol=0, atol=1e-12)
 
 
+@pytest.mark.usefixtures("without_steps")
 def test_an_unstable_design_is_not_simulated_as_valid(run: Any, tmp_path: Path) -> None:
     source = tmp_path / "in.csv"
     source.write_text(STEP, encoding="utf-8")

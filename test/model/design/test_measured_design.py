@@ -19,7 +19,7 @@ from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.amplifier.input_findings import SLEW_RATE_NOT_GIVEN
 from posfet_model.amplifier.operating_point import CIRCUIT_B
-from posfet_model.amplifier.step_test import slew_rates
+from posfet_model.amplifier.step_test import StepTest, slew_rates
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.amplifier.undetermined import INPUTS_NOT_GIVEN, NEAR_REST, POLES_NOT_GIVEN
 from posfet_model.config import ConfigError
@@ -38,12 +38,15 @@ from support.sweep import assert_refused
 
 @pytest.mark.parametrize(
     ("nominal", "real"),
-    [
-        ("two_stage", "two_stage_100pf"),
-        ("two_stage", "two_stage_half_cc"),
-        ("one_stage", "one_stage_100pf"),
-        ("one_stage", "one_stage_36db"),
-    ],
+    long_cases(
+        [
+            ("two_stage", "two_stage_100pf"),
+            ("two_stage", "two_stage_half_cc"),
+            ("one_stage", "one_stage_100pf"),
+            ("one_stage", "one_stage_36db"),
+        ],
+        [("two_stage", "two_stage_half_cc"), ("one_stage", "one_stage_100pf")],
+    ),
 )
 def test_the_adjusted_follower_is_the_measured_circuit_in_ngspice(nominal: str, real: str) -> None:
     record = recorded(real)
@@ -68,7 +71,10 @@ def simulated(design: str, circuit: str, run: str, folder: Path) -> float:
     (folder / "design.yaml").write_text(design, encoding="utf-8")
     np.savetxt(folder / "in.csv", rows, fmt="%.17g", delimiter=",", header="t,vin", comments="")
     words = [folder / "design.yaml", "--simulate", folder / "in.csv", "--out", folder / "out.csv"]
-    assert design_command.main([str(word) for word in words]) == 0
+    with pytest.MonkeyPatch.context() as patch:  # overshoot and slew rates of the report are no part of a simulation
+        patch.setattr(report, "step_test", lambda follower: StepTest(0.0, 0.0, 0.0))
+        patch.setattr(report, "slew_rates", lambda *given: (1.0, 1.0))
+        assert design_command.main([str(word) for word in words]) == 0
     found = np.loadtxt(folder / "out.csv", delimiter=",", skiprows=1)
     wanted = np.interp(found[:, 0], record.runs[run].time, record.runs[run].v_out)
     error = (found[:, 2] - found[0, 2] - wanted + wanted[0]) / np.ptp(wanted)
