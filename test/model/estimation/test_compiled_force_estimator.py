@@ -106,7 +106,9 @@ class Film:
     """Charges of an array under moving fingers, with leakage, a film that warms, offsets and noise."""
 
     def __init__(self, story: Story) -> None:
-        self.random, self.story, sensor = np.random.default_rng(story.seed), story, story.sensor
+        self.random, self.story, self.sensor = np.random.default_rng(story.seed), story, story.sensor
+        sensor = self.sensor
+        self._positions, self._noise = sensor.layout.positions, force_noise_rms(sensor)
         layout, device = sensor.layout, sensor.device
         self.per_newton = charge_per_newton(sensor)
         self._tau = device.leak_time_constant * self.random.uniform(0.9, 1.1, layout.taxels)
@@ -124,7 +126,7 @@ class Film:
 
     def press(self) -> None:
         """Let a finger press anywhere, or lift it."""
-        layout = self.story.sensor.layout
+        layout = self.sensor.layout
         reach = 0.6 * np.array([layout.cols * layout.pitch_x, layout.rows * layout.pitch_y])
         if self._target == 0.0:
             self._at = self.random.uniform(-reach, reach)
@@ -132,9 +134,9 @@ class Film:
 
     def after(self, step: float) -> Array:
         """Return the charge densities a step later [C/m2]."""
-        random, sensor = self.random, self.story.sensor
+        random = self.random
         self._level += (self._target - self._level) * (1.0 - math.exp(-step / 0.02))
-        square = ((sensor.layout.positions - self._at) ** 2).sum(axis=1)
+        square = ((self._positions - self._at) ** 2).sum(axis=1)
         force = self._level * np.exp(-0.5 * square / 1e-3**2)
         self.chip += self.rate * step
         before, self.film = self.film, self.film + (self.chip - self.film) * (1.0 - math.exp(-step / 0.06))
@@ -147,9 +149,7 @@ class Film:
         flipped &= np.arange(len(force)) % 5 == 0
         self._high ^= flipped
         self._signal = self._offset + (self._signal - self._offset) * np.exp(-step / self._tau) + self.gain * change
-        read = (
-            self._signal + self.story.telegraph * self._high + random.normal(0.0, force_noise_rms(sensor), len(force))
-        )
+        read = self._signal + self.story.telegraph * self._high + random.normal(0.0, self._noise, len(force))
         return np.asarray(read * self.per_newton)
 
     def readings(self) -> NDArray[np.float32]:
