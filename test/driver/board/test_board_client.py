@@ -308,7 +308,7 @@ def test_a_delayed_reader_loses_no_scans(sensor: Sensor) -> None:
     ("length", "held_up", "fd"),
     long_cases(
         crossed([0.1, 0.6, 1.0], ["host", "adapter"], {"fd": True, "classic": False}),
-        ["0.1-host-fd", "0.1-adapter-classic", "1.0-host-classic", "1.0-adapter-fd"],
+        ["0.1-adapter-classic", "1.0-host-fd"],
     ),
 )
 def test_a_pause_without_frame_loss_loses_no_scans(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:

@@ -29,14 +29,14 @@ from support.fault_injector import sealed
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_both_decoders_agree_in_every_field_and_counter(fd: bool) -> None:
     published, resets, counted = 0, 0, Counter[str]()
-    for seed in range(30):
+    for seed in range(18):
         ours = run(seed, fd, 400, Pair).ours
         published += ours.scans
         resets += ours.resets
         counted += Counter({name: getattr(ours.statistics, name) for name in ours.statistics.__slots__})
         counted += Counter({f"other {name}": getattr(ours.traffic, name) for name in COUNTERS})
-    assert published > 3000
-    assert resets > 10
+    assert published > 1800
+    assert resets > 6
     never = {"checksum"} if not fd else set()
     assert {*ScanStatistics.__slots__, *(f"other {name}" for name in COUNTERS)} - set(counted) == never
 

@@ -36,13 +36,15 @@ from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from support.fake_board import make_scan, with_fd
+from support.long_cases import crossed, long_cases
 
 SENSOR = load_sensor()
 SENSOR_CLASSIC = with_fd(SENSOR, False)
 BASE = SENSOR.can.base_id
 MILLISECOND = 1_000_000
 ROUNDING = 20_000
-BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+FRAMES = {"fd": True, "classic": False}
+BOTH = pytest.mark.parametrize("fd", FRAMES.values(), ids=FRAMES.keys())
 
 
 class Tick(NamedTuple):
@@ -490,11 +492,18 @@ def test_a_reset_is_flagged_when_the_scan_that_would_have_carried_the_flag_is_dr
     assert flagged == [16]
 
 
-@BOTH
-@pytest.mark.parametrize("jump", [-40.0, 3.0, 19.0, 90_000.0])
-@pytest.mark.parametrize("missing", [0, 1, 20])
+@pytest.mark.parametrize(
+    ("missing", "jump", "fd"),
+    long_cases(
+        crossed([0, 1, 20], [-40.0, 3.0, 19.0, 90_000.0], FRAMES),
+        [
+            *("0--40.0-fd", "20-3.0-fd", "1-19.0-fd", "0-90000.0-fd"),
+            *("20--40.0-classic", "1-3.0-classic", "0-19.0-classic", "20-90000.0-classic"),
+        ],
+    ),
+)
 def test_a_jump_of_the_clock_is_bounded_though_only_an_identity_states_the_period(
-    fd: bool, jump: float, missing: int
+    missing: int, jump: float, fd: bool
 ) -> None:
     """The period stated is false: counted on by it, the time is that of the future."""
     heard = Listener(fd)
@@ -510,9 +519,10 @@ def test_a_jump_of_the_clock_is_bounded_though_only_an_identity_states_the_perio
     assert max(bounds) < 8.0
 
 
-@BOTH
-@pytest.mark.parametrize("first", [401, 402, 403])
-def test_a_clock_that_runs_again_is_bounded_though_only_an_identity_states_the_period(fd: bool, first: int) -> None:
+@pytest.mark.parametrize(
+    ("first", "fd"), long_cases(crossed([401, 402, 403], FRAMES), ["401-fd", "402-classic", "403-classic"])
+)
+def test_a_clock_that_runs_again_is_bounded_though_only_an_identity_states_the_period(first: int, fd: bool) -> None:
     """It has stood still; counted on by the period stated, the time was that of the future. Frames come by fours."""
     heard = Listener(fd)
     heard.one_by_one(Tick(sequence, sequence) for sequence in range(201))
