@@ -265,7 +265,7 @@ def test_a_batch_of_samples_equals_the_samples_one_by_one(name: str, bend: Bend)
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
 @pytest.mark.parametrize("name", PRESSED)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)  # of each shape on each bend
 @given(force=decades(1e-4, 5.0))
 def test_force_is_the_inverse_of_indentation(name: str, bend: Bend, force: float) -> None:
     shape = SHAPES[name]
