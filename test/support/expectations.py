@@ -34,7 +34,7 @@ ASK_PERIOD = 0.1
 """Period at which a condition is checked [s]: thousands of messages arrive in the meantime."""
 REPEAT_PERIOD = 5.0
 """Time without a response after which a request is sent again [s]."""
-COMPARED = 1000
+COMPARED = 400
 """Scans with a contact that are compared with the ground truth."""
 NOTHING = {"repeated", "late", "layout mismatch"}
 """Counters of the diagnostics that must exist and be 0. Scans lost between processes are not among them: a busy machine
