@@ -69,11 +69,12 @@ endif
 bringup: $(BUILT)
 	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(WEB),--web) $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
-# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait.
+# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait. Linear
+# algebra has one thread, as in all commands: more of them wait for each other.
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
 	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
-	exec python3 -m pytest "$${workers[@]}" $(ARGS)
+	OPENBLAS_NUM_THREADS=1 exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 # 5: no test has the name that ARGS asks for.
 test-cortex-m: $(BUILT)
