@@ -26,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test test-cortex-m test-vm check sanitize soak bench fronts accuracy stability figures screenshots parameters wheel protocol reference docs setup build clean distclean
+.PHONY: bringup test test-cortex-m test-vm check check-style check-types check-cpp sanitize soak bench fronts accuracy stability figures screenshots parameters wheel protocol reference docs setup build clean distclean
 
 VARIABLES := ARGS FOR FULL ONLY PYTHON SCANS SCENE SOURCE STEPS WEB
 given := $(foreach variable,$(.VARIABLES),$(if $(filter command,$(origin $(variable))),$(variable)))
@@ -89,13 +89,23 @@ test-vm: $(BUILT) test-cortex-m
 
 # With a sourced ROS 2: pip install --requirement tools/check_requirements.txt, into an environment of your own
 .venv/.check_ready: tools/check_requirements.txt | $(READY)
-	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+	@.venv/bin/uv pip install --quiet --python .venv/bin/python --requirement $< || \
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 	@touch $@
 
+# The three run side by side, each prints when it has ended, and all of them run whatever the others find.
 check: $(BUILT) $(CHECK_READY)
-	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
-	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports && \
-	clang-format --dry-run --Werror $$(find $(core)/src $(core)/include $(core)/fuzz -name '*.[ch]pp') && \
+	@$(MAKE) --no-print-directory --jobs=3 --output-sync=target --keep-going check-cpp check-types check-style
+
+check-style:
+	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && \
+	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
+
+check-types:
+	@$(IN_ENVIRONMENT) mypy
+
+check-cpp:
+	@$(IN_ENVIRONMENT) clang-format --dry-run --Werror $$(find $(core)/src $(core)/include $(core)/fuzz -name '*.[ch]pp') && \
 	find $(core)/src -name '*.cpp' | xargs -P "$$(nproc)" -I FILE clang-tidy --quiet FILE -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
 		$$(python3 -c 'import pybind11; print("-isystem", pybind11.get_include())' 2>/dev/null)
 
