@@ -96,20 +96,19 @@ class Interference:
 
 def run(
     edit: Callable[[int, Scan], None], duration: float, force: Callable[[float], float], shape: NDArray[np.float64]
-) -> tuple[Reconstructor, list[Reconstruction], list[float]]:
-    """Return the reconstructor, the result of each scan, and the total force after it [N]."""
-    reconstructor, results, totals = Reconstructor(SENSOR), [], []
+) -> tuple[Reconstructor, list[Reconstruction], float]:
+    """Return the reconstructor, the result of each scan, and the total force after the last one [N]."""
+    reconstructor, results = Reconstructor(SENSOR), []
     for index, (_, scan) in enumerate(scans(SENSOR, duration, force=force, shape=shape)):
         edit(index, scan)
         results.append(copy.copy(reconstructor.process(scan)))
-        totals.append(reconstructor.image().total)
-    return reconstructor, results, totals
+    return reconstructor, results, reconstructor.image().total
 
 
 @pytest.fixture(scope="module")
 def undisturbed() -> float:
     """Return the total force at the end of the touch without bursts [N]."""
-    return run(lambda index, scan: None, 1.6, TOUCH, FINGER)[2][-1]
+    return run(lambda index, scan: None, 1.6, TOUCH, FINGER)[2]
 
 
 @pytest.mark.parametrize(
@@ -125,14 +124,14 @@ def test_bursts_cause_no_contact_and_no_lasting_force(
     volts: float, pattern: Callable[..., NDArray[np.float64]], undisturbed: float
 ) -> None:
     interference = Interference(volts, 30.0, pattern)
-    reconstructor, results, totals = run(interference, 1.6, TOUCH, FINGER)
+    reconstructor, results, total = run(interference, 1.6, TOUCH, FINGER)
     assert len(interference.hit) >= 20
     assert not any(result.contacts for result in results[:1000])
     states = [contact.state for result in results for contact in result.contacts if result.accepted]
     assert states.count(ContactState.NEW) == 1
     assert {contact.id for result in results for contact in result.contacts} == {1}
     # Bursts below the least jump of 10 mN, as of both signs are, leave a share of h/tau = 1/270 of each.
-    assert totals[-1] == pytest.approx(undisturbed, abs=5e-3)
+    assert total == pytest.approx(undisturbed, abs=5e-3)
     assert reconstructor.faulty == 0
     refused = [index for index, result in enumerate(results) if not result.accepted]
     assert set(refused) <= set(interference.hit)
@@ -169,11 +168,11 @@ def test_a_touch_that_stays_is_accepted_at_once_or_where_it_covers_the_array_a_s
     shape: NDArray[np.float64], rise: float, late: int
 ) -> None:
     """A jump of the whole array is seen a scan late, and so is the end of a steep ramp of it."""
-    reconstructor, results, totals = run(lambda index, scan: None, 1.0, press(0.4, 0.7, 9.0, rise), shape)
+    reconstructor, results, total = run(lambda index, scan: None, 1.0, press(0.4, 0.7, 9.0, rise), shape)
     assert reconstructor.counts.bursts == late
     first = next(index for index, result in enumerate(results) if result.accepted and result.contacts)
     assert first <= 702 + late
-    assert totals[-1] == pytest.approx(0.4 * shape.sum(), rel=0.03)
+    assert total == pytest.approx(0.4 * shape.sum(), rel=0.03)
 
 
 def test_a_fast_slide_and_strong_vibration_are_no_bursts() -> None:

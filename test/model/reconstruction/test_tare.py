@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable
 
@@ -49,7 +48,7 @@ def recording(
     copies = []
     for index, (_, scan) in enumerate(scans(SENSOR, duration, force=force, shape=FINGER)):
         edit(index, scan)
-        copies.append(copy.deepcopy(scan))
+        copies.append(scan.snapshot())
     return copies
 
 
@@ -68,7 +67,8 @@ def test_a_tare_leaves_a_rest_that_is_zero_within_the_noise(edit: Callable[[int,
     """Also in the middle of a block, and while drift is being corrected."""
     recorded = recording(1.2, edit=edit)
     reconstructor = Reconstructor(SENSOR)
-    play(reconstructor, recorded[:end])
+    for scan in recorded[:end]:
+        reconstructor.process(scan)
     tare = reconstructor.tare()
     assert tare.done
     forces = []
