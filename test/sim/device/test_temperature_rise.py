@@ -23,9 +23,11 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import Scene, load_scene
 from posfet_sim.scene.scene import Keyframes
-from support.long_cases import long_cases
+from support.calibrations import with_rate
+from support.long_cases import crossed, long_cases
 
 SENSOR = load_sensor()
+SLOWER = with_rate(SENSOR)
 RECORDED = replace(Calibration.nominal(SENSOR), residuals=Residuals(0.0, 0.0, 1))
 
 
@@ -51,8 +53,8 @@ def test_startup_during_warming_becomes_valid_without_false_contacts(kelvin_per_
     ],
 )
 def test_a_warm_finger_is_detected_and_measured_during_ambient_warming(differences: dict[str, float]) -> None:
-    device = perturbed(SENSOR, differences)
-    score = run(Run(SENSOR, load_scene("warm_finger", device), 9.0, 2, calibration=RECORDED, device=device))
+    device = perturbed(SLOWER, differences)
+    score = run(Run(SLOWER, load_scene("warm_finger", device), 9.0, 2, calibration=RECORDED, device=device))
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 2.0
     assert (score.contact_precision, score.id_switches) == (1.0, 0)
     assert score.contact_recall is not None and score.contact_recall > 0.99
@@ -99,19 +101,27 @@ def test_the_film_that_a_finger_no_longer_warms_as_it_leaves_is_no_contact(
     board: int, pyroelectric: float, shared_calibrate: Callable[..., Calibration]
 ) -> None:
     """What untouched taxels lost was explained by the tail of the contact: up to 1.6 N, for half a second."""
-    device = perturbed(SENSOR, {"pyroelectric": pyroelectric})
+    device = perturbed(SLOWER, {"pyroelectric": pyroelectric})
     errors = replace(ErrorModel.default(), resets_per_hour=0.0)
     wrong = 1.0 - 0.05 * np.random.default_rng(board).standard_normal(SENSOR.layout.taxels)
     calibration = shared_calibrate(SENSOR, board, errors)
-    reconstructor, ids = Reconstructor(SENSOR, replace(calibration, gain=calibration.gain * wrong)), set()
+    reconstructor, ids = Reconstructor(SLOWER, replace(calibration, gain=calibration.gain * wrong)), set()
     for scan, _ in received_scans(device, load_scene("warm_finger", device), 10.0, board, errors):
         ids |= {contact.id for contact in reconstructor.process(scan).contacts}
     assert len(ids) == 1
 
 
-@pytest.mark.parametrize("kelvin_per_second", [-2.0, -0.5, 0.25, 2.0])
-@pytest.mark.parametrize("differences", [{"lag": 30.0, "pyroelectric": -20.0}, {"lag": -30.0, "pyroelectric": 20.0}])
-def test_warming_with_model_mismatch_causes_no_contact(kelvin_per_second: float, differences: dict[str, float]) -> None:
+@pytest.mark.parametrize(
+    ("differences", "kelvin_per_second"),
+    long_cases(
+        crossed(
+            {"slow": {"lag": 30.0, "pyroelectric": -20.0}, "fast": {"lag": -30.0, "pyroelectric": 20.0}},
+            [-2.0, -0.5, 0.25, 2.0],
+        ),
+        ["slow--2.0", "slow-0.25", "fast--0.5", "fast-2.0"],
+    ),
+)
+def test_warming_with_model_mismatch_causes_no_contact(differences: dict[str, float], kelvin_per_second: float) -> None:
     warmed = 2.5 * kelvin_per_second
     warm = Keyframes((1.0, 3.5, 4.5, 99.0), ((25.0,), (25.0 + warmed,), (25.0 + warmed,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e2, objects=(), temperature=warm)
