@@ -25,6 +25,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.ros.start import loading
 from posfet_model.sensor.description import Sensor, load_sensor
 from support import interrupts
 from support.clocks import POLL
@@ -90,6 +91,13 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if _is_worker(config):
         items.sort(key=lambda item: scope(item.nodeid) == item.nodeid)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, Any, Any]:
+    """Keep the tests out of the garbage collector's sight, which would search them again and again: they stay."""
+    with loading():
+        return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
