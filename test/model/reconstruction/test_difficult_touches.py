@@ -60,7 +60,7 @@ def held(
     for time, scan in scans(SENSOR, 3.0 + rise, force=press(newton, 1.0, 9.0, rise), shape=force):
         result = reconstructor.process(scan)
         if time >= 2.0 + rise:
-            last.append((copy.copy(result), reconstructor.image()))
+            last.append((copy.copy(result), copy.deepcopy(reconstructor.image())))
     return last
 
 
