@@ -197,22 +197,28 @@ def test_data_flows_within_half_a_second_after_the_bus_returns(sensor: Sensor) -
     assert not firmware.running
 
 
-def test_an_adapter_that_fails_while_it_is_asked_why_no_scans_arrive_is_opened_again(sensor: Sensor) -> None:
-    clock = SteppedClock()
+def reopened(sensor: Sensor) -> tuple[Board, list[SteppedBus]]:
+    """Return an open board with the buses to it, of which there is one each time that it is opened."""
+    clock, firmware = SteppedClock(), BoardFirmware(sensor, FakeBoard(sensor), 0)
     buses: list[SteppedBus] = []
 
     def open_one() -> SteppedBus:
         buses.append(SteppedBus(clock, firmware))
         return buses[-1]
 
-    def fail() -> None:
-        raise can.CanOperationError("cable out")
-
-    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
     board = Board(sensor, open_one, clock=clock)
     board.open()
+    return board, buses
+
+
+def cable_out() -> None:
+    raise can.CanOperationError("cable out")
+
+
+def test_an_adapter_that_fails_while_it_is_asked_why_no_scans_arrive_is_opened_again(sensor: Sensor) -> None:
+    board, buses = reopened(sensor)
     list(read_scans(board, 50))
-    buses[0].ask_state = fail  # type: ignore[method-assign]
+    buses[0].ask_state = cable_out  # type: ignore[method-assign]
     buses[0].held_back = True
     for scan in read_scans(board, 50):
         assert_marked(scan)
@@ -238,21 +244,9 @@ def test_only_an_adapter_that_must_be_asked_is_asked_while_scans_flow_once_a_sec
 
 
 def test_an_adapter_that_fails_while_it_is_asked_beside_scans_is_opened_again(sensor: Sensor) -> None:
-    clock = SteppedClock()
-    buses: list[SteppedBus] = []
-
-    def open_one() -> SteppedBus:
-        buses.append(SteppedBus(clock, firmware))
-        return buses[-1]
-
-    def fail() -> None:
-        raise can.CanOperationError("cable out")
-
-    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
-    board = Board(sensor, open_one, clock=clock)
-    board.open()
+    board, buses = reopened(sensor)
     next(read_scans(board, 1))
-    buses[0].must_be_asked, buses[0].ask_state = True, fail  # type: ignore[method-assign]
+    buses[0].must_be_asked, buses[0].ask_state = True, cable_out  # type: ignore[method-assign]
     for scan in read_scans(board, 2000):
         assert_marked(scan)
     assert len(buses) == 2
