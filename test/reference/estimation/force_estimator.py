@@ -174,8 +174,8 @@ response [1]; assumed."""
 TAP_SHARE: Final = 0.25
 """Share of a force that a tap has lost from one block to the next [1]; warmth takes a second for it."""
 ABSORBED_TIME: Final = 5.0
-"""Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
-tells of the errors is no slow press."""
+"""Time over which the baseline is averaged that a slow press is compared with [s], twice the time constant of that
+average; less for as long after a touch, as what its end tells of the errors is no slow press."""
 
 
 @dataclass

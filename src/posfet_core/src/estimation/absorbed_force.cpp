@@ -19,8 +19,8 @@ namespace posfet {
 
 namespace {
 
-/// Time constant with which errors are followed [s]; less for as long after a touch, as what its end tells of the
-/// errors is no slow press.
+/// Time over which errors are averaged [s], twice the time constant of that average; less for as long after a touch, as
+/// what its end tells of the errors is no slow press.
 constexpr double kAbsorbedTime = 5.0;
 
 }  // namespace
