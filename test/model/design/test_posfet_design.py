@@ -27,6 +27,7 @@ from posfet_model.design.ranges import (
     LOW_MARGIN_IN_USE,
     NOT_POLED,
     OSCILLATES,
+    REST_BEYOND_ADC,
     RINGS_IN_USE,
     TOO_STEEP,
 )
@@ -42,6 +43,7 @@ EPS0, KT = 8.8541878188e-12, 1.380649e-23 * 300
 COX = 3.9 * EPS0 / 45e-9
 DESIGN = PosfetDesign()
 AS_IN_PAPER = PosfetDesign(film_geometry=FilmGeometry.AS_IN_PAPER)
+LARGE_OFFSET = replace(AS_IN_PAPER, stages=1, channel_length_modulation=0.2, load_resistance=1e3)
 
 
 def test_the_film_on_a_square_millimetre_against_what_the_paper_does() -> None:
@@ -92,8 +94,18 @@ def test_the_operating_point_by_hand() -> None:
     assert amplifier.input_transconductance == pytest.approx(tail / amplifier.overdrive, rel=5e-3)
     load_overdrive = math.sqrt(tail / (0.0283 * COX * 160 / 12 * (1 + 0.1 * 1.9)))
     assert amplifier.load_transconductance == pytest.approx(tail / load_overdrive, rel=0.02)
-    current = 200e-6 + tail + float(amplifier.output_current)
-    assert DESIGN.power == pytest.approx(10 * current, rel=1e-12)
+    drawn = 200e-6 + tail + float(amplifier.output_current)
+    returned = drawn - float(amplifier.offset) / 11e3  # the rest flows through the load
+    assert DESIGN.power == pytest.approx(5 * (drawn + returned), rel=1e-12)
+
+
+def test_the_power_is_that_of_both_supplies() -> None:
+    """M5, M6 and M8 give to the negative supply what M5, M6 and M7 take from the positive one, but for the load."""
+    circuit = LARGE_OFFSET.op_amp
+    currents = np.abs(circuit.transistors(circuit.operating_point(), np.zeros(()))[2].current)
+    positive, negative = currents[[4, 5, 6]].sum(), currents[[4, 5, 7]].sum()
+    assert positive / negative > 1.15
+    assert LARGE_OFFSET.power == pytest.approx(5 * (positive + negative), rel=1e-9)
 
 
 def test_every_noise_source_at_the_top_electrode_by_hand() -> None:
@@ -137,10 +149,11 @@ def test_sensitivities_planes_and_ranges_by_hand() -> None:
     assert DESIGN.amperes_per_newton == pytest.approx(at_oxide, rel=1e-12)
     assert DESIGN.low_corner == pytest.approx(1 / (2 * math.pi * 1e10 * (film + gate)), rel=1e-12)
     assert DESIGN.largest_force == pytest.approx(amplifier.highest_input / sensitivity, rel=1e-12)
+    offset = float(amplifier.offset)
     narrow = PosfetDesign(adc_low=-1.0, adc_high=0.5)
-    assert narrow.largest_force == pytest.approx(0.5 / gain / sensitivity, rel=1e-12)
+    assert narrow.largest_force == pytest.approx((0.5 - offset) / gain / sensitivity, rel=1e-12)
     turned = PosfetDesign(piezoelectric_coefficient=38e-12, adc_low=-1.0)
-    assert turned.largest_force == pytest.approx(1 / gain / sensitivity, rel=1e-12)
+    assert turned.largest_force == pytest.approx((1 + offset) / gain / sensitivity, rel=1e-12)
     gates = (2 * 160 + 80 + 80 + 240 + 60 + 3276) * 12e-12
     assert DESIGN.area == pytest.approx(1e-6 + gates, rel=1e-12)
     assert DESIGN.lsb == pytest.approx(10 / 65535, rel=1e-15)
@@ -218,6 +231,22 @@ def test_reasons_say_why_a_design_is_not_valid(changes: dict[str, Any], reason: 
     design = PosfetDesign(**changes)
     assert not design.valid
     assert any(text.startswith(reason) for text in design.reasons), design.reasons
+
+
+def test_the_adc_has_to_see_the_output_at_rest_and_what_the_offset_leaves_of_its_range() -> None:
+    """The output is offset + gain*V/N*F; a range that leaves out 0 N has no largest force."""
+    for low, high in ((1.0, 5.0), (-5.0, -1.0)):
+        beyond = PosfetDesign(adc_low=low, adc_high=high)
+        assert REST_BEYOND_ADC in beyond.reasons
+        assert report.as_json(beyond)["largest_force_n"] is None
+    assert LARGE_OFFSET.reasons == []
+    offset, per_newton = float(LARGE_OFFSET.amplifier.offset), float(LARGE_OFFSET.output_volts_per_newton)
+    assert offset > 0.1
+    assert replace(LARGE_OFFSET, adc_low=offset - 1e-6).reasons == []
+    assert replace(LARGE_OFFSET, adc_low=offset + 1e-6).reasons == [REST_BEYOND_ADC]
+    top = offset + per_newton * LARGE_OFFSET.signal_force
+    assert replace(LARGE_OFFSET, adc_high=top + 1e-6).reasons == []
+    assert replace(LARGE_OFFSET, adc_high=top - 1e-6).reasons == [BEYOND_ADC]
 
 
 def test_a_design_that_cannot_work_has_a_report_all_the_same() -> None:

@@ -108,9 +108,10 @@ class DesignFigures(DesignFields):
 
     @property
     def power(self) -> FloatArray:
-        """Power from both supplies at rest [W]."""
-        watts: FloatArray = 2 * np.asarray(self.supply) * self.amplifier.supply_current
-        return watts
+        """Power from both supplies at rest [W]; the current of the load, by the offset, is drawn from one of them."""
+        amplifier = self.amplifier
+        both: FloatArray = 2 * amplifier.supply_current - amplifier.offset / self.load_resistance
+        return both * self.supply
 
     @property
     def area(self) -> FloatArray:

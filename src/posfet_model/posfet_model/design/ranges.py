@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.types import FloatArray
+from posfet_model._lib.types import FloatArray, Mask
 from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, LOW_MARGIN, MOST_OVERSHOOT, RINGS
 from posfet_model.amplifier.validity import Validity
 from posfet_model.design.amplifier_figures import AmplifierFigures
@@ -34,12 +34,14 @@ BEYOND_KNOWN: Final = (
     "the force to be measured drives the input to where figures at 0 V do not tell whether the follower is stable"
 )
 BEYOND_ADC: Final = "the force to be measured drives the ADC out of its range"
+REST_BEYOND_ADC: Final = "the output at rest, which is the offset, is out of the ADC's range"
 TOO_STEEP: Final = "the force to be measured, at the upper end of the band, is steeper than the slew rate"
 
 
 def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArray:
     """Return the largest compressive force within the ranges of amplifier and ADC, the former stable [N]; unchecked.
 
+    The ADC sees the offset, too; NaN where that alone is out of its range.
     Of an op-amp of which only figures are known it is one within the inputs at which it is known to be stable.
 
     Parameters
@@ -79,6 +81,7 @@ def validity(design: DesignFields, amplifier: AmplifierFigures, margins: Margins
                 BEYOND_KNOWN: np.greater(design.signal_force, _reach(design, amplifier, "known"))
                 & (not design.poles_known),
                 BEYOND_ADC: np.greater(design.signal_force, _reach(design, amplifier, "adc")),
+                REST_BEYOND_ADC: _rests_beyond_adc(design, amplifier),
                 TOO_STEEP: 2 * math.pi * design.high_frequency * volts
                 > np.minimum(amplifier.slew_rate, amplifier.falling_slew_rate),
             }
@@ -87,14 +90,23 @@ def validity(design: DesignFields, amplifier: AmplifierFigures, margins: Margins
 
 def _reach(design: DesignFields, amplifier: AmplifierFigures, of: str) -> FloatArray:
     """Return the force [N] that reaches the end of a range of the amplifier's input, or that of the ADC behind it."""
-    gain = amplifier.follower_gain
+    gain, offset = amplifier.follower_gain, amplifier.offset
     per_newton = design.volts_per_newton()
     with np.errstate(divide="ignore", invalid="ignore"):  # of a follower without gain, a film without signal
         low, high = {
             "stable": (amplifier.lowest_input, amplifier.highest_input),
             "saturated": (amplifier.lowest_saturated_input, amplifier.highest_saturated_input),
             "known": (np.float64(design.known_inputs[0]), np.float64(design.known_inputs[1])),
-            "adc": (design.adc_low / gain, design.adc_high / gain),
+            "adc": ((design.adc_low - offset) / gain, (design.adc_high - offset) / gain),
         }[of]
         force = np.where(per_newton > 0, high, low) / per_newton
+    if of == "adc":
+        force = np.where(_rests_beyond_adc(design, amplifier), math.nan, force)
     return np.where(per_newton == 0, math.inf, force)
+
+
+def _rests_beyond_adc(design: DesignFields, amplifier: AmplifierFigures) -> Mask:
+    """Return where the output without a force is out of the ADC's range, so that no range begins there."""
+    low, high = np.less(amplifier.offset, design.adc_low), np.greater(amplifier.offset, design.adc_high)
+    beyond: Mask = np.logical_or(low, high)
+    return beyond
