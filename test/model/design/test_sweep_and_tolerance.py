@@ -123,6 +123,20 @@ def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
     assert np.std(slew) / np.mean(slew) == pytest.approx(relative, rel=0.35)
 
 
+def test_the_currents_of_the_mirror_deviate_by_the_sizes_of_both_transistors() -> None:
+    """M6 of a tenth of the width and current: its own deviation dominates, and is that of M5 and M8 alike."""
+    design = replace(DESIGN, mirror_width=8e-6, reference_current=20e-6, threshold_mismatch=30e-9, load_resistance=1e12)
+    result = run_tolerance(design, Tolerance(samples=1000))
+    overdrive = math.sqrt(2 * 20e-6 / (0.085 * 7.67363e-4 * 8 / 12))
+
+    def relative(width: float) -> float:
+        return math.hypot(0.02e-6, 2 * 30e-9 / overdrive) / math.sqrt(2 * width * 12e-6)
+
+    tail = np.log(result.figures["slew_hand_v_per_s"])
+    assert np.std(tail) == pytest.approx(math.hypot(relative(80e-6), relative(8e-6)), rel=0.2)
+    assert np.corrcoef(tail, result.figures["power_w"])[0, 1] == pytest.approx(1, abs=0.1)
+
+
 @pytest.mark.parametrize("name", ["two_stage_59db_300khz", "one_stage_60db_1pf"])
 def test_the_rms_of_the_common_mode_gain_is_that_of_the_hand_formula(name: str) -> None:
     """With mismatch so large that it matters."""

@@ -24,14 +24,17 @@ from posfet_model.design.design_fields import DesignFields
 
 
 def deviations(design: DesignFields, part: str) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviations of a pair's differences: threshold [V], relative gain factor [1]; unchecked.
+    """Return the standard deviations of differences: threshold [V], relative gain factor [1]; unchecked.
+
+    Those of two transistors of the same size; one of them deviates from its nominal value by 1/sqrt(2) of that.
 
     Parameters
     ----------
     design : DesignFields
         One design or arrays.
     part : str
-        "gate" or "load" of M1, M2 or M3, M4; "tail" or "sink" of M5 or M8 against M6. The threshold is at the oxide.
+        Whose size counts: "gate" of M1, M2, "load" of M3, M4, "tail" of M5, "mirror" of M6, "sink" of M8. The threshold
+        is at the oxide.
     """
     root = np.sqrt(np.multiply(getattr(design, f"{part}_width"), getattr(design, f"{part}_length")))
     return design.threshold_mismatch / root, design.gain_mismatch / root

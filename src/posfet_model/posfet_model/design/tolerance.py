@@ -143,8 +143,10 @@ def run_tolerance(design: PosfetDesign, tolerance: Tolerance) -> ToleranceResult
         volts, gain = deviations(design, part)
         return volts * normal(), gain * normal()
 
-    (volts, gain), load, tail, sink = (differences(part) for part in ("gate", "load", "tail", "sink"))
-    for name, (shift, stronger) in (("tail_width", tail), ("sink_width", sink)):
+    (volts, gain), load = differences("gate"), differences("load")
+    # M5 and M8 repeat the current of M6, whose own deviation they share.
+    tail, mirror, sink = (np.divide(differences(part), math.sqrt(2)) for part in ("tail", "mirror", "sink"))
+    for name, (shift, stronger) in (("tail_width", tail - mirror), ("sink_width", sink - mirror)):
         current = 1 + stronger - 2 * shift / _mirror_overdrive(design)
         changed[name] = changed.get(name, getattr(design, name)) * np.maximum(current, 0.1)
     samples = dataclasses.replace(design, **changed)
