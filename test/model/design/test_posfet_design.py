@@ -249,6 +249,18 @@ def test_the_adc_has_to_see_the_output_at_rest_and_what_the_offset_leaves_of_its
     assert replace(LARGE_OFFSET, adc_high=top - 1e-6).reasons == [BEYOND_ADC]
 
 
+@pytest.mark.parametrize("load", [1e-9, 3e-9])
+def test_a_mode_that_is_slow_but_hardly_there_hides_neither_overshoot_nor_settling(load: float) -> None:
+    """Behind 1 Gohm Cc takes no part, but adds a mode of 46 ms to a step that settles within a microsecond."""
+    behind, none = (
+        PosfetDesign(load_capacitance=load, **cc) for cc in ({"zero_resistor": 1e9}, {"compensation": 1e-15})
+    )
+    assert behind.amplifier.overshoot == pytest.approx(float(none.amplifier.overshoot), rel=2e-3)
+    assert behind.amplifier.settling_time == pytest.approx(float(none.amplifier.settling_time), rel=0.03)
+    assert behind.margins_in_use.overshoot == pytest.approx(float(none.margins_in_use.overshoot), rel=0.02)
+    assert behind.reasons == none.reasons != []
+
+
 def test_a_design_that_cannot_work_has_a_report_all_the_same() -> None:
     cut_off = PosfetDesign(reference_current=0.1, supply=0.5)
     assert not cut_off.valid

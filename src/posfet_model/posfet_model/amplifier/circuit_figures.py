@@ -141,7 +141,8 @@ class CircuitFigures:
     overshoot: Array
     """Overshoot of a small step, as a fraction of it [1]; NaN where unstable or without a unity crossing."""
     settling_time: Array
-    """Time after which a small step stays within 1 % [s], to 2 % of itself; inf where unstable."""
+    """Time after which a small step stays within 1 % [s], to 2 % of itself, or a swing where it rings; inf where
+    unstable."""
     slew_rate: Array
     """Steepest rise of the output [V/s]."""
     falling_slew_rate: Array

@@ -28,8 +28,20 @@ _FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 71)
 _STEPS: Final = 11
 """Evaluations that place a crossing between two of the frequencies, to rounding where the gain falls evenly."""
 
-_STEP_TIMES: Final = np.r_[0.0, np.geomspace(1e-5, 12.0, 700)]
-"""Times at which a step is evaluated, in units of the slowest pole's time constant."""
+_INSTANTS: Final = 700
+"""Instants at which a step is evaluated, evenly spaced in their logarithm."""
+
+_LAST_INSTANT: Final = 12.0
+"""The last of them, in time constants of the slowest mode that matters."""
+
+_FIRST_INSTANT: Final = 1e-5
+"""Most of the first one, in the same unit."""
+
+_BEFORE_THE_FASTEST: Final = 0.01
+"""And in time constants of the fastest mode that matters."""
+
+_MATTERS: Final = 1e-3
+"""Share of the final value from which on a mode matters: those below it leave a step within 1 % from the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,12 +255,23 @@ def _falls_through(transfer: Callable[[Array], NDArray[np.complex128]], level: A
 
 def step_figures(response: TransferFunction, thinning: int = 1) -> tuple[Array, Array]:
     """Return overshoot [1] and settling time to 1 % [s] of a step, of each `thinning`-th instant; unchecked."""
-    shape = response.direct.shape
-    slowest = 1 / np.maximum(response.rates.real.min(axis=-1), 1e-30)
-    time = _STEP_TIMES[::thinning].reshape(-1, *(1,) * len(shape)) * slowest
+    time = _step_times(response, thinning)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         value = response.step(time) / response.gain
     outside = np.abs(value - 1) > 0.01
     last = len(time) - 1 - np.argmax(outside[::-1], axis=0)
     following = np.minimum(last + 1, len(time) - 1)
     return np.maximum(np.nanmax(value, axis=0) - 1, 0.0), np.take_along_axis(time, following[None], 0)[0]
+
+
+def _step_times(response: TransferFunction, thinning: int) -> Array:
+    """Return the instants of a step [s], shape [t, ...]: 0, and from the fastest mode that matters to the slowest."""
+    rates = response.rates
+    matters = np.abs(response.residues) > _MATTERS * np.abs(rates * response.gain[..., None])
+    slowest = 1 / np.maximum(np.where(matters, rates.real, np.inf).min(axis=-1), 1e-30)
+    fastest = np.where(matters, np.abs(rates), 0.0).max(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = np.fmin(_FIRST_INSTANT, _BEFORE_THE_FASTEST / (fastest * slowest))
+    share = np.linspace(0.0, 1.0, _INSTANTS).reshape(-1, *(1,) * slowest.ndim)
+    time = np.concatenate([np.zeros((1, *slowest.shape)), first ** (1 - share) * _LAST_INSTANT**share])
+    return np.asarray(time[::thinning] * slowest)
