@@ -204,6 +204,16 @@ def test_a_force_beyond_the_amplifier_range_is_rejected_with_the_limit(tmp_path:
     assert message == "device.force_max_N: must be in (0, 5.41] for this amplifier and ADC, got 6"
 
 
+def test_the_limit_of_the_force_has_the_offset_that_the_follower_puts_out(tmp_path: Path) -> None:
+    """Output gain*(shift + offset): with a gain of 0.666 an offset of -1 V leaves 4.8 V + 0.666 V, not 5.8 V."""
+    content = changed(("device", "force_max_N"), 9.5)
+    content["amplifier"] |= {"offset_mV": -1000.0, "open_loop_gain_dB": 6.0}
+    message = refusal(tmp_path, content)
+    gain = 10**0.3 / (1 + 10**0.3)
+    limit = (4.8 + gain) / gain / (38e-12 * 2.5e-6 / (12 * 8.8541878188e-12 * 1e-6))
+    assert message == f"device.force_max_N: must be in (0, {limit:.4g}] for this amplifier and ADC, got 9.5"
+
+
 def test_noise_that_leaves_no_range_at_rest_is_rejected(tmp_path: Path) -> None:
     content = changed(("adc", "noise_mV"), 1000.0)
     content["amplifier"]["rail_low_V"] = -3.0

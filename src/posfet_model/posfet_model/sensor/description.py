@@ -189,6 +189,11 @@ class Sensor:
         return charge / self.device.film_capacitance * self.amplifier.follower_gain
 
     @property
+    def rest(self) -> float:
+        """Output of the follower without a force: its offset [V]."""
+        return self.amplifier.offset * self.amplifier.follower_gain
+
+    @property
     def saturation_margin(self) -> float:
         """Distance from the ends of ADC and amplifier within which a voltage may have been clipped [V]."""
         coarsest = converter.lsb(min(COARSEST_BITS, self.adc.bits), self.adc.low, self.adc.high)
@@ -230,7 +235,7 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
         mapping=mapping,
     )
     top.end()
-    highest = min(sensor.adc.high, sensor.amplifier.rail_high) - sensor.amplifier.offset
+    highest = min(sensor.adc.high, sensor.amplifier.rail_high) - sensor.rest
     if highest <= 0:
         raise top.error("amplifier.rail_high_V", "rail_high_V and adc.high_V must be above 0 and the offset")
     if sensor.device.force_max * sensor.volts_per_newton > highest:
@@ -284,12 +289,11 @@ def _check_rest(sensor: Sensor, top: Section) -> None:
     noise = SATURATION_SIGMAS * adc.noise
     # One count more, so that the range holds a count however the counts lie.
     margin = sensor.saturation_margin + converter.lsb(16, adc.low, adc.high)
-    rest = amplifier.offset * amplifier.follower_gain
     low = "adc.low_V" if adc.low >= amplifier.rail_low else "amplifier.rail_low_V"
     high = "adc.high_V" if adc.high <= amplifier.rail_high else "amplifier.rail_high_V"
     for key, inside in (
-        (low, rest - max(amplifier.rail_low, adc.low)),
-        (high, min(amplifier.rail_high, adc.high) - rest),
+        (low, sensor.rest - max(amplifier.rail_low, adc.low)),
+        (high, min(amplifier.rail_high, adc.high) - sensor.rest),
     ):
         if inside <= margin:
             noisy = inside > margin - noise
