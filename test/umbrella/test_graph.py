@@ -24,6 +24,8 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 
+OURS = "/tactile/model_node, /tactile/sim_board_node, /tactile/driver_node, /tactile/replay_node"
+
 
 @pytest.fixture
 def params_file(tmp_path: Path) -> str:
@@ -158,8 +160,17 @@ def test_invalid_namespaces_are_rejected(params_file: str, namespace: str) -> No
             "driver_nodee: no such node, known are model_node",
         ),
         *(
-            (f"{name}:\n  ros__parameters: {{}}\n", f"{name}: the nodes are in a namespace; write /**/{node} for any")
-            for name, node in (("model_node", "model_node"), ("/driver_node", "driver_node"), ("/*", "*"))
+            (f"{name}:\n  ros__parameters: {{}}\n", f"{name}: none of the nodes {OURS}; write /**/{node} for any")
+            for name, node in (
+                ("model_node", "model_node"),
+                ("/driver_node", "driver_node"),
+                ("/*", "*"),
+                ("/tactil/model_node", "model_node"),
+                ("robot/tactile/driver_node", "driver_node"),
+                ("/*/*/driver_node", "driver_node"),
+                ("/hand/**", "**"),
+                ("/tactile/*/*", "*"),
+            )
         ),
         ("/**:\n  ros__parameter: {}\n", "ros__parameters: missing"),
         ("root:x:0:0\n", "must be a mapping"),
@@ -173,6 +184,54 @@ def test_invalid_parameter_files_are_rejected(tmp_path: Path, text: str, reason:
         graph(parse([]), str(path))
     assert reason in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+SECTIONS = (
+    "**",
+    "/**",
+    "/*/**",
+    "/**/*",
+    "**/model_node",
+    "/**/model_node",
+    "/*/model_node",
+    "/tactile/model_node",
+    "tactile/model_node",
+    "/tactile/*",
+    "/tactile/**",
+    "/tactile/**/model_node",
+)
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_parameter_file_may_name_its_nodes_in_every_way_that_ros_reads(tmp_path: Path, section: str) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text(f'"{section}":\n  ros__parameters: {{contact_threshold: 0.125}}\n', encoding="utf-8")
+    graph(parse([]), str(path))
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        words = ["--ros-args", "--params-file", str(path)]
+        options = {"cli_args": words, "automatically_declare_parameters_from_overrides": True}
+        node = rclpy.create_node("model_node", namespace="/tactile", context=context, **options)
+        assert node.get_parameter("contact_threshold").value == 0.125
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+
+
+def test_a_parameter_file_has_sections_for_further_sensors_only_if_these_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text("/robot/palm/model_node:\n  ros__parameters: {contact_threshold: 0.125}\n", encoding="utf-8")
+    _, ros = split(["--ros-args", "-r", "__ns:=/robot"])
+    named = r"none of the nodes /robot/tactile/model_node, .* or name that of another sensor in params_namespaces$"
+    for words in ([], ["params_namespaces:=thumb"], ["params_namespaces:=/palm"]):
+        with pytest.raises(ConfigError, match=f"/robot/palm/model_node: {named}"):
+            graph(parse(words), str(path), ros)
+    for words in (["params_namespaces:=thumb, palm"], ["params_namespaces:=/robot/palm"]):
+        graph(parse(words), str(path), ros)
+    with pytest.raises(ConfigError, match=r"^params_namespaces: namespace: must be names of"):
+        parse(["params_namespaces:=thumb,pa lm"])
 
 
 def test_a_missing_parameter_file_is_rejected() -> None:

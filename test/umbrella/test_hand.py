@@ -51,6 +51,7 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
     )
     changed = {"namespace": "palm", "source": "emulator", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
     changed |= {"autostart": "false", "max_relative_uncertainty": "0.5"}
+    changed["params_namespaces"] = "a/thumb,palm"
     assert palm == {**defaults(), **changed, "seed": str(seed_of("palm"))}
     assert thumb == {
         **palm,
@@ -108,3 +109,15 @@ def test_what_is_common_counts_for_the_sensors_whose_source_it_goes_with(tmp_pat
     file.write_text("common: {source: can, can_channel: can1}\nsensors: [{name: a}, {name: b, source: sim}]\n")
     real, simulated = read_hand(file)
     assert (real["can_channel"], simulated["can_channel"]) == ("can1", "can0")
+
+
+def test_the_sensors_of_a_hand_may_share_a_parameter_file_with_sections_for_each(tmp_path: Path) -> None:
+    file = tmp_path / "parameters.yaml"
+    text = "common: {params_file: parameters.yaml}\nname: hand\nsensors:\n- {name: thumb}\n- {name: palm}\n"
+    file.write_text("/hand/thumb/model_node:\n  ros__parameters: {contact_threshold: 0.1}\n", encoding="utf-8")
+    for sensor in hand(tmp_path, text):
+        graph(check(sensor), sensor["params_file"])
+    file.write_text("/hand/thum/model_node:\n  ros__parameters: {contact_threshold: 0.1}\n", encoding="utf-8")
+    for sensor in hand(tmp_path, text):
+        with pytest.raises(ConfigError, match="/hand/thum/model_node: none of the nodes /hand/"):
+            graph(check(sensor), sensor["params_file"])

@@ -91,6 +91,12 @@ _OPTIONAL: Final = (
 )
 """Parameters whose arguments are texts, since they may be left to the parameter file."""
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
+PARAMS_NAMESPACES: Final = Parameter(
+    "params_namespaces",
+    "",
+    "Namespaces, joined by commas, of further sensors that params_file has sections for",
+    empty="none; hand.launch.py: all sensors of the hand",
+)
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 
 ARGUMENTS: Final = (
@@ -116,6 +122,7 @@ ARGUMENTS: Final = (
     _optional(PARENT_FRAME),
     MOUNT_POSE,
     Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
+    PARAMS_NAMESPACES,
     _for_sources(SCENE),
     _for_sources(IMPERFECTIONS),
     _for_sources(SEED),
@@ -212,6 +219,9 @@ def check(values: dict[str, str]) -> dict[str, str]:
         if name == NAMESPACE.name:
             checked_namespace(value)
             continue
+        if name == PARAMS_NAMESPACES.name:
+            params_namespaces(values)
+            continue
         try:
             known[name].parse(value)
         except ValueError as error:
@@ -222,6 +232,23 @@ def check(values: dict[str, str]) -> dict[str, str]:
             wanted = " or ".join(f"source:={each}" for each in sources)
             raise ConfigError(f"{name}: needs {wanted}; leave it out with source:={source}")
     return values
+
+
+def params_namespaces(values: Mapping[str, str]) -> list[str]:
+    """Return the namespaces of the argument `params_namespaces`, as they were given; ConfigError if one is not valid.
+
+    Parameters
+    ----------
+    values : mapping of str to str
+        Every argument by name.
+    """
+    names = [name.strip() for name in values[PARAMS_NAMESPACES.name].split(",") if name.strip()]
+    for name in names:
+        try:
+            checked_namespace(name)
+        except ConfigError as error:
+            raise ConfigError(f"{PARAMS_NAMESPACES.name}: {error}") from error
+    return names
 
 
 def node_parameters(values: Mapping[str, str], *arguments: Parameter) -> dict[str, Scalar]:

@@ -10,12 +10,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import DRIVEN, SIMULATED, SOURCES_OF, given_parameters, node_parameters
+from posfet.arguments import DRIVEN, SIMULATED, SOURCES_OF, given_parameters, node_parameters, params_namespaces
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
@@ -103,7 +104,7 @@ class NodeSpec:
         return json.dumps(values, ensure_ascii=False)
 
 
-def check_params_file(path: str, ros: RosArguments) -> None:
+def check_params_file(path: str, ros: RosArguments, namespaces: Sequence[str]) -> None:
     """Raise ConfigError, one line, unless `path` holds parameters for nodes of this stack; nodes check the values.
 
     Parameters
@@ -112,17 +113,24 @@ def check_params_file(path: str, ros: RosArguments) -> None:
         Path of the parameter file.
     ros : RosArguments
         Names of the nodes.
+    namespaces : sequence of str
+        Full namespaces that sections may name: that of the nodes, then those of other sensors with the same file.
     """
     tables = {ros.name(node): table for node, table in NODES.items()}
     if not is_there(Path(path)):
         raise ConfigError(f"params_file: no such file: {path}")
     top = read_yaml(path)
     for name in top.names():
-        around, _, node = name.rpartition("/")
+        node = name.rpartition("/")[2]
         if node not in {*tables, "*", "**"}:
             raise top.error(name, f"no such node, known are {', '.join(tables)}")
-        if not around and node != "**":  # ROS would pass over it
-            raise top.error(name, f"the nodes are in a namespace; write /**/{node} for any")
+        if not any(_matches(name, f"/{around}/{each}") for around in namespaces for each in tables):
+            named = ", ".join(f"/{namespaces[0]}/{each}" for each in tables)  # ROS would pass over the section
+            raise top.error(
+                name,
+                f"none of the nodes {named}; write /**/{node} for any namespace, or name that of another sensor in "
+                "params_namespaces",
+            )
         section = top.section(name)
         values = section.section("ros__parameters")
         known = {each.name for table in ([tables[node]] if node in tables else tables.values()) for each in table}
@@ -135,6 +143,13 @@ def check_params_file(path: str, ros: RosArguments) -> None:
             if remedy := _argument_for(key):
                 raise values.error(key, remedy)
         section.end()
+
+
+def _matches(section: str, node: str) -> bool:
+    """Return whether ROS applies a section of a parameter file to a node: `*` is one name, `**` any number of names."""
+    wildcards = {"*": "/[^/]+", "**": "(/[^/]+)*"}
+    pattern = "".join(wildcards.get(name, f"/{re.escape(name)}") for name in section.removeprefix("/").split("/"))
+    return re.fullmatch(pattern, node) is not None
 
 
 def check_ros_parameters(ros: RosArguments) -> None:
@@ -249,7 +264,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     """
     ros = ros or RosArguments()
     namespace = ros.within(arguments["namespace"])
-    check_params_file(params_file, ros)
+    check_params_file(params_file, ros, [namespace, *map(ros.within, params_namespaces(arguments))])
     check_ros_parameters(ros)
     source = arguments["source"]
     sensor = with_serial(load_sensor(arguments["sensor_file"]), arguments["serial"])

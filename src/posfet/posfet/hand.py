@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import ARGUMENTS, NAMESPACE, SIMULATED, SOURCES_OF, check, defaults, written_as
+from posfet.arguments import ARGUMENTS, NAMESPACE, PARAMS_NAMESPACES, SIMULATED, SOURCES_OF, check, defaults, written_as
 from posfet_model._lib.shown import shown
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, Section, is_there, read_yaml
@@ -76,7 +76,10 @@ def read_hand(path: str | Path) -> list[dict[str, str]]:
         for value, count in counts.items():
             if count > 1:
                 raise top.error("sensors", f"{count} of them have the {argument} '{value}': each needs its own")
-    return sensors
+    names = [values[NAMESPACE.name] for values in sensors]
+    given = (values[PARAMS_NAMESPACES.name] for values in sensors)
+    all_named = (",".join(filter(None, (text, *names))) for text in given)
+    return [{**values, PARAMS_NAMESPACES.name: text} for values, text in zip(sensors, all_named, strict=True)]
 
 
 def seed_of(namespace: str) -> int:
