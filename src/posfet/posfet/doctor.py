@@ -29,6 +29,7 @@ from typing import Final
 import posfet_model
 from posfet_driver.bus import can_interface
 from posfet_driver.tools.list_boards import SERIAL_PORTS
+from posfet_model.calibration.calibration_folder import write_problem
 from posfet_model.parameters import CALIBRATION_FOLDER
 from posfet_model.sensor.description import load_sensor
 
@@ -198,10 +199,8 @@ def folders() -> Iterator[Finding]:
     Finding
         A finding.
     """
-    folder = Path(str(CALIBRATION_FOLDER.default)).expanduser()
-    existing = next(each for each in (folder, *folder.parents) if each.exists())
-    if not os.access(existing, os.W_OK):
-        yield Finding(BAD, f"{folder} cannot be written", "set calibration_folder:=<folder of yours>")
+    if problem := write_problem(Path(str(CALIBRATION_FOLDER.default)).expanduser()):
+        yield Finding(BAD, problem, "set calibration_folder:=<folder of yours>")
     free = shutil.disk_usage(Path.cwd()).free
     level, remedy = (OK, "") if free > MIN_FREE else (NOTE, "recordings need about 0.1 to 1 MB/s for each sensor")
     yield Finding(level, f"{free / 1e9:.1f} GB free in this folder", remedy)

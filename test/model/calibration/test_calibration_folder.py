@@ -89,13 +89,21 @@ def test_what_is_no_calibration_of_the_sensor_is_not_overwritten(folder: Calibra
     assert path.read_text() == content
 
 
-def test_a_folder_that_cannot_be_made_or_written_is_reported(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_or_written_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     for place in ("file", "file/below"):
-        with pytest.raises(ConfigError, match="the calibration folder cannot be made"):
-            CalibrationFolder(str(tmp_path / place), SENSOR).save("thumb.yaml", NOMINAL)
+        refusing = CalibrationFolder(str(tmp_path / place), SENSOR)
+        assert refusing.problem == (
+            f"{tmp_path / place}: the calibration folder cannot be written: {tmp_path / 'file'} is not a folder"
+        )
+        with pytest.raises(ConfigError, match=f"^{refusing.problem}$"):
+            refusing.save("thumb.yaml", NOMINAL)
     with pytest.raises(ConfigError, match="there is no such home folder"):
         CalibrationFolder("~nobody_of_this_name/x", SENSOR)
+    none = CalibrationFolder(str(tmp_path / "none" / "yet"), SENSOR)
+    assert none.problem == ""
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != tmp_path)  # as for a user without permission
+    assert none.problem.endswith(f"yet: the calibration folder cannot be written: {tmp_path} is not writable")
 
 
 def test_the_home_folder_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

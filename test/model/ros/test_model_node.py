@@ -32,6 +32,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from posfet_model.calibration.calibration_folder import CalibrationFolder
+from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor, TaxelStatus
@@ -567,6 +568,24 @@ def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tm
         answer = call(bench, CalibrationFile, f"calibration/{action}", path=bad)
         assert not answer.success
         assert answer.message.count(reason) == 1
+
+
+def test_a_calibration_folder_that_cannot_be_written_is_reported_at_the_start_and_read(
+    bench: Bench, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(model_diagnostics, "REPORT_PERIOD", 0.01)
+    sensor = load_sensor("posfet_5x5")
+    CalibrationFolder(str(tmp_path), sensor).save("cal.yaml", Calibration.nominal(sensor))
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # as for a user without permission
+    diagnostics = bench.listen(DiagnosticArray, "/diagnostics")
+    bench.model(calibration_folder=str(tmp_path))
+    problem = f"{tmp_path}: the calibration folder cannot be written: {tmp_path} is not writable"
+    bench.spin_until(lambda: bool(diagnostics))
+    assert capfd.readouterr().err.count(f"{problem}: calibration/save will be refused\n") == 1
+    assert {each.key: each.value for each in diagnostics[-1].status[0].values}["calibration folder"] == problem
+    answer = call(bench, CalibrationFile, "calibration/save", path="cal.yaml")
+    assert (answer.success, answer.message) == (False, problem)
+    assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
 
 
 def test_the_limit_of_uncertainty_is_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:

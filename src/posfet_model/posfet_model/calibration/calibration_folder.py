@@ -26,6 +26,21 @@ MAX_NAME: Final = 200
 """Largest length of a name."""
 
 
+def write_problem(folder: Path) -> str:
+    """Return why no calibration can be written into a folder, in one line; '' if one can, or if it can be made.
+
+    Parameters
+    ----------
+    folder : Path
+        Path of the folder.
+    """
+    there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
+    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+        return ""
+    reason = "is not writable" if there.is_dir() else "is not a folder"
+    return one_line(f"{folder}: the calibration folder cannot be written: {there} {reason}")
+
+
 class CalibrationFolder:
     """Calibrations by name. A name can neither leave the folder nor make anything but a calibration be overwritten.
 
@@ -50,6 +65,11 @@ class CalibrationFolder:
         """The folder, without symbolic links."""
         self._sensor = sensor
 
+    @property
+    def problem(self) -> str:
+        """Why `save` cannot write, in one line; '' if it can. What is there can be loaded nevertheless."""
+        return write_problem(self.root)
+
     def load(self, name: str) -> Calibration:
         """Return the calibration of a name."""
         path = self._path(name)
@@ -68,6 +88,8 @@ class CalibrationFolder:
             The calibration.
         """
         path = self._path(name)
+        if self.problem:
+            raise ConfigError(self.problem)
         if os.path.lexists(path):
             self._check_replaceable(path)
         try:

@@ -40,6 +40,8 @@ class ModelDiagnostics:
         Returns whether scans are processed, and a report on them; None while there is nothing to report.
     queue : QueueDelay
         Knows the scans that came too late.
+    folder_problem : str, optional
+        Why no calibration can be saved, in one line.
     """
 
     def __init__(
@@ -48,8 +50,10 @@ class ModelDiagnostics:
         sensor: Sensor,
         observe: Callable[[], tuple[bool, ModelReport | None]],
         queue: QueueDelay,
+        folder_problem: str = "",
     ) -> None:
         self._node, self._observe, self._queue = node, observe, queue
+        self._constant = {"calibration folder": folder_problem} if folder_problem else {}
         self._dropped = 0
         self._hardware = hardware_id(sensor, node.get_namespace())
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
@@ -72,7 +76,7 @@ class ModelDiagnostics:
         level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
         values = report.values(before, REPORT_PERIOD)
         values["dropped as too late"] = str(self._queue.dropped)
-        values |= self._node.internal_errors.values()
+        values |= self._constant | self._node.internal_errors.values()
         name = f"{self._node.get_fully_qualified_name()}: reconstruction"
         self._publisher.publish(diagnostic_array(level, name, text, self._hardware, values, time.time_ns()))
 

@@ -104,8 +104,12 @@ class ModelNode(SupervisedLifecycleNode):
         from posfet_model.ros.model_services import ModelServices  # noqa: PLC0415  # and this
 
         super().serve()
-        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed, self._queue)
-        ModelServices(self, self._calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
+        services = ModelServices(
+            self, self._calibrations, lambda: self._reconstructor, self._use_calibration, self._tare
+        )
+        self._diagnostics = ModelDiagnostics(
+            self, self.sensor, self._observed, self._queue, folder_problem=services.folder_problem
+        )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the calibration."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from rclpy.node import Node
 
@@ -52,6 +52,10 @@ class ModelServices:
         tare: Callable[[bool], Tare | None],
     ) -> None:
         self._folder, self._model, self._use, self._tare = folder, model, use, tare
+        self.folder_problem: Final = folder.problem
+        """Why `calibration/save` cannot write, in one line, as found at the start; '' if it can."""
+        if self.folder_problem:
+            node.get_logger().warning(f"{self.folder_problem}: calibration/save will be refused")
         node.create_service(TareService, "tare", self._set_to_zero)
         node.create_service(CalibrationFile, "calibration/load", self._load)
         node.create_service(CalibrationFile, "calibration/save", self._save)
