@@ -24,9 +24,12 @@ from geometry_msgs.msg import Point, Vector3
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from posfet import display_loop
 from posfet.array_view import array_view
 from posfet.diagnosis import diagnosis
+from posfet.display_loop import show
 from posfet.display_node import display_node
+from posfet.lines import Lines
 from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
 from posfet_model.ros.info_message import info_message
@@ -197,3 +200,34 @@ def test_the_client_calls_the_services_that_are_there(stack: Stack) -> None:
     assert answers == [(True, "tared")]
     stack.client.request("scene/load", "press", lambda *answer: answers.append(answer))
     assert answers[1] == (False, "scene/load: nobody serves it; is the stack still running?")
+
+
+def test_what_a_view_waits_for_names_its_topics_and_the_stacks_that_run(stack: Stack) -> None:
+    topics = "nothing on /tactile/view/image and /tactile/view/contacts"
+    assert stack.view.awaited() == f"{topics}; it is published there: posfet diagnostics shows the state"
+    client = StackClient(stack.client.node, "thumb")
+    other = ViewNode(client, ["--ros-args", "-r", "view/image:=picture"])
+    try:
+        topics = "nothing on /thumb/picture and /thumb/view/contacts"
+        assert other.awaited() == f"{topics}; running are /tactile"
+        stack.publish(100)
+        stack.wait(lambda: not stack.view.awaited())
+    finally:
+        other.destroy_node()
+
+
+def test_a_display_says_once_after_a_while_what_it_waits_for(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(display_loop, "PATIENCE", 0.0)
+    asked: list[int] = []
+
+    def awaited() -> str:
+        asked.append(1)
+        return "nothing on /palm/view/image"
+
+    updates = iter(range(5))
+    stop = lambda: next(updates, None) is None  # noqa: E731
+    assert show(Lines(stack.view), [stack.client.node], math.inf, stack.view.state, stop, awaited) == 0
+    assert asked == [1]
+    assert capfd.readouterr().err == "posfet: nothing on /palm/view/image\n"

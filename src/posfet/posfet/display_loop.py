@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from posfet.web.viewed import Client
 
 NO_SCAN = 1
+PATIENCE = 3.0
+"""Time without a scan after which it is said what is waited for [s]."""
 
 
 def display(source: SnapshotSource, client: Client, link: str = "") -> Lines:
@@ -52,6 +54,7 @@ def show(
     seconds: float,
     state: Callable[[], str],
     stop: Callable[[], bool] = lambda: False,
+    awaited: Callable[[], str] = lambda: "",
 ) -> int:
     """Spin nodes and update the display until the time is over, Ctrl-C, a key, or `stop()`, and return the exit code.
 
@@ -67,16 +70,24 @@ def show(
         Returns the state of the source of scans in one line, printed if no scan arrived.
     stop : callable
         Returns whether to stop.
+    awaited : callable, optional
+        Returns what is waited for, in one line, '' for nothing; asked once, some seconds after the start.
 
     Returns
     -------
     int
         0; 1, with the reason on stderr, if the time is over and no scan has arrived.
     """
-    end = time.monotonic() + seconds
+    begin = time.monotonic()
+    end, ask = begin + seconds, begin + PATIENCE
 
     def over() -> bool:
+        nonlocal ask
         screen.update()
+        if time.monotonic() >= ask:
+            ask = math.inf
+            if text := awaited():
+                screen.waits(text)
         return time.monotonic() >= end or screen.quit or stop()
 
     spin(nodes, until=over)

@@ -53,6 +53,10 @@ class Lines:
     ) -> None:
         self.close()
 
+    def waits(self, text: str) -> None:
+        """Say, once, what is waited for, in one line."""
+        print(f"posfet: {text}", file=sys.stderr, flush=True)
+
     def close(self) -> None:
         """End the display; may be called twice."""
         (self._stream or sys.stdout).flush()

@@ -43,6 +43,9 @@ from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
+_IMAGE: Final = "posfet_msgs/msg/TactileImage"
+_SUFFIX: Final = "/view/image"
+
 DEPTH: Final = 10
 """Newest messages taken per topic each time, among which those of one scan are found on all topics."""
 
@@ -93,11 +96,23 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             return self._snapshot()
 
     def state(self) -> str:
-        """Return the state of the source of scans, in one line."""
-        return (
-            self.client.state
-            or f"nothing on {self.get_namespace()}/view/image and {self.get_namespace()}/view/contacts"
-        )
+        """Return the state of the source of scans, in one line; before it is known, what is waited for."""
+        return self.client.state or self.awaited()
+
+    def awaited(self) -> str:
+        """Return the topics on which nothing has arrived and where there are such topics, in one line; '' if it has."""
+        image, contacts = (self._topics[name].topic_name for name in ("image", "contacts"))
+        if self.snapshot() is not None:
+            return ""
+        found = sorted(name for name, kinds in self.get_topic_names_and_types() if _IMAGE in kinds)
+        served = [name for name in found if name.endswith(_SUFFIX) and self.count_publishers(name)]
+        if image in served:
+            where = self.client.state or "it is published there: posfet diagnostics shows the state"
+        elif served:
+            where = f"running are {', '.join(name.removesuffix(_SUFFIX) for name in served)}"
+        else:
+            where = "no stack is found: start one with posfet bringup; posfet doctor checks this machine"
+        return f"nothing on {image} and {contacts}; {where}"
 
     def _take(self, topic: str, subscription: Any) -> None:
         """Take the messages that have arrived since the last time, the newest of which the middleware has kept."""
@@ -229,8 +244,13 @@ def main(words: Sequence[str] | None = None) -> int:
             link = served_link(stack, viewed, web_port)
             logged = [(view.client.namespace, view, partial(getattr, view.client, "array")) for view in views]
             stack.enter_context(rerun_view(logged, options.rerun, options.rerun_file))
+            nodes = [view.client.node for view in views]
+
+            def awaited() -> str:
+                return "; ".join(filter(None, (view.awaited() for view in views)))
+
             with display(views[0], views[0].client, link) as screen:
-                return show(screen, [view.client.node for view in views], options.seconds, views[0].state)
+                return show(screen, nodes, options.seconds, views[0].state, awaited=awaited)
         return 0
 
     return exit_code(run)

@@ -207,3 +207,15 @@ def test_keys_tare_pause_and_quit() -> None:
         assert not screen.quit
         shown_after("q", 5.0)
         assert screen.quit
+
+
+def test_what_is_waited_for_is_shown_until_the_first_scan() -> None:
+    sensor = FakeSensor()
+    sensor.shown = None
+    console = Console(file=io.StringIO(), width=100, height=30, force_terminal=True)
+    with Screen(sensor, sensor, "", console) as screen:
+        screen.update(1.0)
+        assert "waiting for the first scan ..." in console.file.getvalue()
+        screen.waits("nothing on /palm/view/image")
+        screen.update(2.0)
+        assert "nothing on /palm/view/image" in console.file.getvalue()

@@ -62,6 +62,7 @@ class Screen(Lines):
         self._newest = ((-1, -1), 0.0)  # sequence and number of the newest scan, and when it was seen [s]
         self._answer = ("", 0.0)  # to a key, and until when it is shown [s]
         self._frozen: Snapshot | None = None
+        self._awaited = ""  # what is waited for, once that is known
 
     def __enter__(self) -> Screen:
         waiting = Text("waiting for the first scan ...")
@@ -70,6 +71,10 @@ class Screen(Lines):
         self._live = Live(waiting, console=self._console, screen=True, auto_refresh=False)
         self._stack.enter_context(self._live)
         return self
+
+    def waits(self, text: str) -> None:
+        """Show what is waited for until the first scan."""
+        self._awaited = text
 
     def close(self) -> None:
         """Restore the terminal; may be called twice."""
@@ -98,8 +103,8 @@ class Screen(Lines):
 
     def _wait(self) -> None:
         if self._live:
-            words = ["waiting for the first scan ...", self._message(), f"{KEYS}  {self._link}"]
-            self._live.update(Text("\n".join(words), no_wrap=True, overflow="ellipsis"), refresh=True)
+            words = [self._awaited or "waiting for the first scan ...", self._message(), f"{KEYS}  {self._link}"]
+            self._live.update(Text("\n".join(words), overflow="fold"), refresh=True)
 
     def _show(self, snapshot: Snapshot, scan_rate: float) -> None:
         if self._live is None:
