@@ -27,3 +27,15 @@ def test_exit_code_of_several_processes(codes: list[int | None], expected: int) 
     processes = Processes([])
     processes._running = [SimpleNamespace(returncode=code) for code in codes]
     assert processes.exit_code() == expected
+
+
+def test_a_node_that_ended_without_a_word_of_its_own_is_named() -> None:
+    processes = Processes([])
+    names = ("model_node", "driver_node", "sim_board_node", "replay_node", "palm")
+    processes._commands = [(SimpleNamespace(name=name), []) for name in names]  # type: ignore[misc]
+    processes._running = [SimpleNamespace(returncode=code) for code in (None, -9, 0, 1, -40)]  # type: ignore[misc]
+    assert processes.silent_ends() == [
+        "driver_node was killed by SIGKILL: the stack ends with it",
+        "sim_board_node has ended: the stack ends with it",
+        "palm was killed by signal 40: the stack ends with it",
+    ]

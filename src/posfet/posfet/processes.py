@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import tempfile
 import time
@@ -75,7 +76,27 @@ class Processes:
         """Return whether a node has ended by itself."""
         return any(process.poll() is not None for process in self._running)
 
+    def silent_ends(self) -> list[str]:
+        """Return which nodes ended without a reason of their own, and how, in one line each: by a signal, or well."""
+        ended = (
+            (spec.name, process.returncode) for (spec, _), process in zip(self._commands, self._running, strict=True)
+        )
+        return [
+            f"{name} {_end(code)}: the stack ends with it" for name, code in ended if code is not None and code <= 0
+        ]
+
     def exit_code(self) -> int:
         """Return `PROCESS_FAILED` if a node ended with it, 1 if one ended otherwise than well, and else 0."""
         codes = {process.returncode for process in self._running} - {None, 0}
         return PROCESS_FAILED if PROCESS_FAILED in codes else int(bool(codes))
+
+
+def _end(code: int) -> str:
+    """Return how a process ended, by its return code: none of an error, which it has printed itself."""
+    if code == 0:
+        return "has ended"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:  # a real-time signal
+        name = f"signal {-code}"
+    return f"was killed by {name}"

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 
 from posfet.display_loop import display, show
@@ -51,5 +52,7 @@ def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_p
         link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)
         with Processes(specs) as processes, display(view, client, link) as screen:
             code = show(screen, [node], seconds, view.state, stop=processes.ended)
+            for text in processes.silent_ends():
+                print(f"posfet: {text}", file=sys.stderr)
             return processes.exit_code() or code
     return 0
