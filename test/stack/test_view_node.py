@@ -192,6 +192,19 @@ def test_the_client_follows_description_and_diagnostics(stack: Stack, sensor: Se
     stack.wait(lambda: (found := stack.view.snapshot()) and found.frames_lost == 3)
 
 
+def test_a_status_that_is_not_repeated_is_said_to_be_old(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = [KeyValue(key="frames lost", value="3")]
+    status = DiagnosticStatus(name="tactile/driver_node: board", message="receiving scans", values=values)
+    stack.wait(stack.diagnostics.get_subscription_count)
+    stack.diagnostics.publish(DiagnosticArray(status=[status]))
+    stack.wait(lambda: stack.client.state == "receiving scans")
+    now = time.monotonic()
+    monkeypatch.setattr("posfet.stack_client.time.monotonic", lambda: now + 60.0)
+    (old,) = stack.client.diagnoses.values()
+    assert (old.level, old.text) == (2, "no report for 60 s; the last one: receiving scans")
+    assert stack.client.state == old.text
+
+
 def test_the_client_calls_the_services_that_are_there(stack: Stack) -> None:
     stack.wait(lambda: stack.client.actions() == ("tare",))
     answers: list[tuple[bool, str]] = []

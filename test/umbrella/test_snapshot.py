@@ -101,6 +101,36 @@ def test_without_a_terminal_one_line_per_second_is_printed() -> None:
     assert all("1000 scans/s" in text for text in printed)
 
 
+def test_a_line_says_that_no_new_scan_came_and_nothing_of_the_old_one() -> None:
+    stream = io.StringIO()
+    later = [replace(SNAPSHOT, time=10.0 + step) for step in range(4)]
+    with Lines(Replay(*later, replace(SNAPSHOT, time=14.0, sequence=1, scans=1001)), stream) as lines:
+        for step in range(5):
+            lines.update(100.0 + step)
+    printed = stream.getvalue().splitlines()
+    assert "total 1.25 N" in printed[0]
+    assert printed[1:3] == [f"   {age}.0 s  no new scans for {age} s: simulated board runs" for age in (2, 3)]
+    assert "total 1.25 N" in printed[3]
+
+
+def test_a_scan_every_two_seconds_is_never_old() -> None:
+    stream = io.StringIO()
+    steps = [replace(SNAPSHOT, time=10.0 + step, sequence=step // 2) for step in range(10)]
+    with Lines(Replay(*steps), stream) as lines:
+        for step in range(10):
+            lines.update(100.0 + step)
+    assert "no new scans" not in stream.getvalue()
+
+
+def test_scans_that_are_counted_from_0_again_are_neither_a_negative_rate_nor_lost() -> None:
+    record = Record()
+    record.add(replace(SNAPSHOT, scans_lost=5))
+    record.add(replace(SNAPSHOT, time=12.0, scans=3000, scans_lost=7))
+    assert math.isnan(record.add(replace(SNAPSHOT, time=13.0, scans=500)))  # another calibration
+    assert record.add(replace(SNAPSHOT, time=14.0, scans=1500, scans_lost=1)) == pytest.approx(1000.0)
+    assert record.summary().startswith("posfet: 4.0 s, 4500 scans, 875 scans/s, 0 frames lost, 8 scans missing, ")
+
+
 def test_the_count_of_scans_never_falls_though_losses_are_reported_late() -> None:
     count = ScanCount()
     assert [count.update(sequence, 0) for sequence in (0, 999, 2999)] == [1, 1000, 3000]

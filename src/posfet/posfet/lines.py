@@ -41,6 +41,8 @@ class Lines:
         self._next = 0.0
         self._next_line = LINE_PERIOD
         self._rates: list[float] = []
+        self._newest = ((-1, -1), 0.0)  # sequence and number of the newest scan, and when it was seen [s]
+        self._interval = 0.0  # between the two newest scans that were seen [s]: long on a slow board
         self.quit = False
         """Whether the user wants to quit."""
         self.record = Record()
@@ -75,7 +77,15 @@ class Lines:
         scan_rate = self.record.add(snapshot)
         self._rates = [*self._rates, scan_rate][-RATE_WINDOW:]
         known = [value for value in self._rates if not math.isnan(value)]
+        if (snapshot.sequence, snapshot.scans) != self._newest[0]:
+            self._interval = snapshot.time - self._newest[1] if self._newest[1] else 0.0
+            self._newest = (snapshot.sequence, snapshot.scans), snapshot.time
         self._show(snapshot, sum(known) / len(known) if known else math.nan)
+
+    def _age(self, snapshot: Snapshot) -> float:
+        """Return the time since the scan of the newest snapshot was new [s]; 0 while the next one is not overdue."""
+        age = snapshot.time - self._newest[1]
+        return age if age > 2 * self._interval else 0.0
 
     def _react(self) -> None:
         """Do what the user asks for."""
@@ -88,4 +98,4 @@ class Lines:
         elapsed = snapshot.time - self.record.first.time if self.record.first else 0.0
         if elapsed >= self._next_line:
             self._next_line = (math.floor(elapsed / LINE_PERIOD) + 1) * LINE_PERIOD
-            print(line(snapshot, elapsed, scan_rate), file=self._stream, flush=True)
+            print(line(snapshot, elapsed, scan_rate, self._age(snapshot)), file=self._stream, flush=True)

@@ -10,8 +10,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,23 @@ class Snapshot:
         return self.calibration.startswith("uncalibrated")
 
 
+OLD: Final = 1.0
+"""Time without a new scan that is reported [s]."""
+
+
+def old_text(snapshot: Snapshot, age: float) -> str:
+    """Return for how long there has been no new scan, and the state of the source, in one line; '' if there was one.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The newest snapshot.
+    age : float
+        Time since its scan was new [s].
+    """
+    return f"no new scans for {age:.0f} s: {snapshot.state}" if age > OLD else ""
+
+
 class SnapshotSource(Protocol):
     """Something that has a newest snapshot."""
 
@@ -145,27 +162,34 @@ class Record:
     ids: set[int] = field(default_factory=set)
     errors: list[float] = field(default_factory=list)
     """Centre-of-pressure error of each true contact in each snapshot [m]; infinite if no contact was reported."""
+    _before: tuple[int, int] = (0, 0)
+    """Scans, and scans missing, that were counted before the model counted from 0 again, as with a new calibration."""
 
     def add(self, snapshot: Snapshot) -> float:
-        """Add one snapshot and return the scan rate since the previous one [Hz], NaN for the first."""
+        """Add one snapshot and return the scan rate since the previous one [Hz]; NaN: the first, or counted from 0."""
         before, self.last = self.last, snapshot
         self.first = self.first or snapshot
+        restarted = before is not None and snapshot.scans < before.scans
+        if before is not None and restarted:
+            self._before = self._before[0] + before.scans, self._before[1] + before.scans_lost
         self.ids.update(contact.id for contact in snapshot.contacts)
         if snapshot.data_valid:
             compared = [true for true in snapshot.truth if true.force >= MIN_COMPARED_FORCE]
             self.errors += [position_error(snapshot, true) for true in compared]
-        return rate(before, snapshot) if before else math.nan
+        return math.nan if before is None or restarted else rate(before, snapshot)
 
     def summary(self) -> str:
         """Return the summary in one line."""
         if self.first is None or self.last is None:
             return "posfet: no scan arrived"
+        scans, missing = self._before
+        whole = replace(self.last, scans=self.last.scans + scans, scans_lost=self.last.scans_lost + missing)
         words = [
-            f"{self.last.time - self.first.time:.1f} s",
-            f"{self.last.scans} scans",
-            f"{rate(self.first, self.last):.0f} scans/s",
-            f"{self.last.frames_lost} frames lost",
-            f"{self.last.scans_lost} scans missing",
+            f"{whole.time - self.first.time:.1f} s",
+            f"{whole.scans} scans",
+            f"{rate(self.first, whole):.0f} scans/s",
+            f"{whole.frames_lost} frames lost",
+            f"{whole.scans_lost} scans missing",
             f"{len(self.ids)} contact{'s' if len(self.ids) != 1 else ''}",
         ]
         if self.errors:
@@ -202,7 +226,7 @@ def position_error(snapshot: Snapshot, true: TrueContact) -> float:
     return min(distances, default=math.inf)
 
 
-def line(snapshot: Snapshot, elapsed: float, scan_rate: float) -> str:
+def line(snapshot: Snapshot, elapsed: float, scan_rate: float, age: float = 0.0) -> str:
     """Return the snapshot in one line, for output that is no terminal.
 
     Parameters
@@ -213,7 +237,11 @@ def line(snapshot: Snapshot, elapsed: float, scan_rate: float) -> str:
         Time since the start [s].
     scan_rate : float
         Scan rate [Hz].
+    age : float, optional
+        Time since the scan was new [s]: what an old one says is not printed.
     """
+    if old := old_text(snapshot, age):
+        return f"{elapsed:6.1f} s  {old}"
     contacts = [
         f"#{each.id} {each.state} {fixed(each.force, 2)} N at ({signed(each.x * 1e3, 2)}, {signed(each.y * 1e3, 2)}) mm"
         for each in snapshot.contacts

@@ -9,7 +9,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -30,6 +32,10 @@ SERVICES: Final[dict[str, tuple[Any, str]]] = {
 }
 """Services that a display may call: type, and the one field of the request."""
 DEPTH: Final = 10
+OVERDUE: Final = 5.0
+"""Time without a report, of which there is one per second, after which a status counts as old [s]."""
+ERROR: Final = 2
+"""Level of an old status."""
 
 
 class StackClient:
@@ -49,14 +55,19 @@ class StackClient:
         self.namespace = namespace
         self.array: ArrayView | None = None
         """Description of the array; None before the first scan."""
-        self.diagnoses: dict[str, Diagnosis] = {}
-        """Newest status of each node, by name; replaced, never changed."""
+        self._reports: dict[str, tuple[float, Diagnosis]] = {}  # arrival [s] and status; replaced, never changed
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(TactileInfo, "info", self._take_info, latched)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, DEPTH)
         self._callers: dict[str, Client] = {
             name: node.create_client(kind, name) for name, (kind, _) in SERVICES.items()
         }
+
+    @property
+    def diagnoses(self) -> dict[str, Diagnosis]:
+        """Newest status of each node, by name; one that has not reported for `OVERDUE` is an error, and says so."""
+        now = time.monotonic()
+        return {name: _aged(found, now - arrival) for name, (arrival, found) in self._reports.items()}
 
     @property
     def state(self) -> str:
@@ -114,4 +125,12 @@ class StackClient:
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         found = [diagnosis(status, self.namespace) for status in message.status]
-        self.diagnoses = {**self.diagnoses, **{each.name: each for each in found if each is not None}}
+        now = time.monotonic()
+        self._reports = {**self._reports, **{each.name: (now, each) for each in found if each is not None}}
+
+
+def _aged(found: Diagnosis, age: float) -> Diagnosis:
+    """Return a status that arrived `age` [s] ago."""
+    if age < OVERDUE:
+        return found
+    return replace(found, level=ERROR, text=f"no report for {age:.0f} s; the last one: {found.text}")

@@ -16,7 +16,7 @@ from rich.console import Group
 from rich.text import Text
 
 from posfet.number_text import counted, fixed, signed
-from posfet.snapshot import ContactView, Snapshot, position_error
+from posfet.snapshot import ContactView, Snapshot, old_text, position_error
 from posfet.terminal.force_history import SPAN, ForceHistory
 from posfet.terminal.force_map import KINDS, fitting, map_lines
 
@@ -28,8 +28,6 @@ BESIDE = CONTACTS + 10
 """Lines beside the map: total, contacts, history."""
 AROUND = 5
 """Lines above and below the map."""
-OLD = 1.0
-"""Time without a new scan that is reported [s]."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +115,8 @@ def _trouble(shown: Shown) -> Text:
     """Return the most important thing to know, '' if there is none."""
     if shown.paused:
         return Text("paused: the picture is frozen, the stack goes on", style="bold yellow")
-    if shown.age > OLD:
-        return Text(f"no new scans for {shown.age:.0f} s: {shown.snapshot.state}", style="bold red")
+    if old := old_text(shown.snapshot, shown.age):
+        return Text(old, style="bold red")
     if not shown.snapshot.data_valid:
         return Text(shown.advice or "forces unknown: leave the sensor untouched for a moment", style="yellow")
     return Text(shown.snapshot.calibration if shown.snapshot.uncalibrated else "", style="yellow")

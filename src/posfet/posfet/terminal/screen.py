@@ -21,7 +21,7 @@ from rich.text import Text
 
 from posfet.colour_scale import nice_scale
 from posfet.lines import Lines
-from posfet.snapshot import Snapshot, SnapshotSource
+from posfet.snapshot import OLD, Snapshot, SnapshotSource
 from posfet.terminal.force_history import LEAST_SCALE, ForceHistory
 from posfet.terminal.keys import TerminalKeys
 from posfet.terminal.live_display import Shown, render
@@ -59,7 +59,6 @@ class Screen(Lines):
         self._keys, self._log = TerminalKeys(), LogCapture()
         self._history = ForceHistory()
         self._full_scale = LEAST_SCALE
-        self._newest = ((-1, -1), 0.0)  # sequence and number of the newest scan, and when it was seen [s]
         self._answer = ("", 0.0)  # to a key, and until when it is shown [s]
         self._frozen: Snapshot | None = None
         self._awaited = ""  # what is waited for, once that is known
@@ -109,9 +108,8 @@ class Screen(Lines):
     def _show(self, snapshot: Snapshot, scan_rate: float) -> None:
         if self._live is None:
             return
-        if (snapshot.sequence, snapshot.scans) != self._newest[0]:
-            self._newest = (snapshot.sequence, snapshot.scans), snapshot.time
-        self._history.add(snapshot.time, snapshot.total_force if snapshot.data_valid else math.nan)
+        known = snapshot.data_valid and self._age(snapshot) <= OLD
+        self._history.add(snapshot.time, snapshot.total_force if known else math.nan)
         shown = self._frozen or snapshot
         self._full_scale = max(self._full_scale, nice_scale(float(np.nanmax(shown.force, initial=LEAST_SCALE))))
         array = self._client.array if self._client else None
@@ -122,7 +120,7 @@ class Screen(Lines):
             history=self._history,
             pitch=array.pitch if array else None,
             name=self._client.namespace if self._client else "",
-            age=snapshot.time - self._newest[1],
+            age=self._age(snapshot),
             advice=self._advice(),
             message=self._message(),
             paused=self._frozen is not None,

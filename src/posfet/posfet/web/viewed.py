@@ -25,7 +25,11 @@ class Client(Protocol):
 
     namespace: str
     array: ArrayView | None
-    diagnoses: dict[str, Diagnosis]
+
+    @property
+    def diagnoses(self) -> dict[str, Diagnosis]:
+        """Newest status of each node, by name."""
+        ...
 
     def actions(self) -> tuple[str, ...]:
         """Return the services that somebody serves."""
