@@ -297,6 +297,20 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     assert node.trigger_shutdown() == SUCCESS
 
 
+def test_diagnostics_say_that_an_inactive_driver_discards_its_scans(
+    bench: Bench, adapter: EmulatedAdapter, link: Path
+) -> None:
+    bench.watcher.listen()
+    node = bench.driver(can_channel=str(link))
+    node.start()
+    bench.wait(lambda: bench.state() == "receiving scans")
+    assert node.trigger_deactivate() == SUCCESS
+    bench.wait(lambda: bench.state() == "receiving scans; inactive: scans are discarded")
+    assert bench.watcher.diagnostics[-1].level == DiagnosticStatus.OK
+    assert node.trigger_activate() == SUCCESS
+    bench.wait(lambda: bench.state() == "receiving scans")
+
+
 def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(bench: Bench, link: Path) -> None:
     node = bench.driver(can_channel=str(link), autostart=False)
     received: list[int] = []

@@ -295,6 +295,8 @@ class ScanSourceNode(SupervisedLifecycleNode):
             report = SourceReport(Health.ERROR, "the source cannot report its state", self._reported[0], 0)
         if report.failure and not self.failure:
             self._restarted("source", report.failure)
+        if isinstance(self.source, ScanSource) and not self._active:
+            report = replace(report, state=f"{report.state}; inactive: scans are discarded")
         if self._thread and not self._thread.is_alive() and not self.failure and self.context.ok():
             self.failure = f"{self.get_fully_qualified_name()}: the data thread has ended"
         errors = self.internal_errors
