@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import gc
+import re
 import subprocess
 import sys
 import threading
@@ -32,6 +33,7 @@ from rosgraph_msgs.msg import Clock
 from posfet.record import WITH_INPUT, Recorder, RecorderNode, main
 from posfet_model.config import ConfigError
 from posfet_msgs.msg import TactileInfo, TactileRaw
+from posfet_sim.commands.simulate import main as simulate
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.mcap_reader import Recording
 from posfet_sim.ros.replay_node import ReplayNode
@@ -237,6 +239,19 @@ def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_agai
     result = bringup("source:=replay", f"replay_file:={path}", "replay_rate:=0.0")
     assert result.returncode == 0, result.stderr
     assert f", {counts['/tactile/raw']} scans, " in result.stdout
+
+
+@needs_installation
+def test_a_live_replay_says_at_its_end_what_of_the_recording_could_not_be_read(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    assert simulate(["press", "--out", str(whole), "--for", "4"]) == 0
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
+    result = bringup("source:=replay", f"replay_file:={cut}", "replay_rate:=0.0")
+    assert result.returncode == 0, result.stderr
+    last = result.stderr.splitlines()[-1]
+    assert re.fullmatch(
+        rf"posfet: replay finished: {cut}: it ends within a record; \d+ messages up to .* were read", last
+    )
 
 
 def test_a_recorder_ends_with_the_input_that_the_program_holds_open(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from posfet.graph import NodeSpec
+from posfet_driver.board.faults import Health
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.ros.model_node import ModelNode
 
@@ -90,6 +91,13 @@ class Graph:
     def finished(self) -> bool:
         """Whether the source has no more scans: a recording is over."""
         return bool(getattr(self.source.source, "finished", False))
+
+    def ending(self) -> str:
+        """Return how the source has finished, in one line; '' while it goes on, and if nothing was left out."""
+        if not self.finished:
+            return ""
+        report = self.source.source.report()
+        return "" if report.health == Health.OK else report.state
 
     def start(self) -> None:
         """Start the source of scans, then publish all topics; raise ConfigError if no retry would open the source."""

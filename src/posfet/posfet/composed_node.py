@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -66,5 +67,8 @@ def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_p
         client = StackClient(node, namespace)
         link = "" if web_port is None else _served(stack, client, nodes, web_port)
         with display(nodes, client, link) as screen:
-            return show(screen, [*nodes, node], seconds, nodes.state, lambda: nodes.finished)
+            code = show(screen, [*nodes, node], seconds, nodes.state, lambda: nodes.finished)
+        if ending := nodes.ending():  # the process ends before the next report
+            print(f"posfet: {ending}", file=sys.stderr)
+        return code
     return 0
