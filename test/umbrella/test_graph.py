@@ -105,11 +105,22 @@ def test_a_meaningless_limit_of_uncertainty_is_rejected(params_file: str, value:
         (["bus_interface:=virtual"], "bus_interface: needs source:=emulator; leave it out with source:=sim"),
         (["source:=can", "bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
         (["source:=emulator", "bus_channel:=can0"], "bus_channel: needs a bus_interface"),
+        (
+            ["source:=emulator", "bus_interface:=virtual", "composed:=false"],
+            "^bus_interface: virtual is a bus within one process; use composed:=true, or another interface$",
+        ),
     ],
 )
-def test_an_unused_bus_argument_is_rejected(params_file: str, words: list[str], reason: str) -> None:
+def test_a_bus_argument_that_leads_nowhere_is_rejected(params_file: str, words: list[str], reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         graph(parse(words), params_file)
+
+
+@pytest.mark.parametrize("argument", ["frame_id", "parent_frame"])
+def test_a_frame_that_tf_refuses_is_rejected(params_file: str, argument: str) -> None:
+    reason = f"^{argument}: must be text without a slash at its front, got '/palm'$"
+    with pytest.raises(ConfigError, match=reason):
+        nodes(params_file, f"{argument}:=/palm")
 
 
 def test_the_sensor_error_model_is_passed_to_the_simulated_board(params_file: str) -> None:

@@ -76,7 +76,10 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
         ("sensors: [{name: a, mount: [1, 2]}]", "sensors[0].mount: must be text, got [1, 2] without quotes"),
         ("sensors: [{name: a, serial: 0712}]", "sensors[0].serial: must be text, got 458 without quotes"),
         ("sensors: [{name: a, scene: on}]", "sensors[0].scene: must be text, got True without quotes"),
-        ("sensors: [{name: a, frame_id: no}]", "sensors[0].frame_id: must be text, got False without quotes"),
+        (
+            "sensors: [{name: a, frame_id: no}]",
+            "sensors[0].frame_id: must be text without a slash at its front, got False without quotes",
+        ),
         ("sensors: [{name: a, can_bitrate: yes}]", "sensors[0].can_bitrate: must be a whole number"),
         ("common: {can_bitrate: fast}\nsensors: [{name: a}]", "'a': can_bitrate: must be a whole number"),
         ("sensors: [{name: a}, {name: a}]", "sensors: 2 of them have the namespace 'a': each needs its own"),

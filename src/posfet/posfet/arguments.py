@@ -77,6 +77,7 @@ def _optional(parameter: Parameter) -> Parameter:
         "",
         f"{parameter.description}{limits}",
         empty=f"as in params_file, otherwise {parameter.empty or parameter.default_text}",
+        frame=parameter.frame,
     )
 
 

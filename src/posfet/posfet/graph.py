@@ -220,6 +220,10 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
     interface, channel = arguments[BUS_INTERFACE.name], arguments[BUS_CHANNEL.name]
     if arguments["source"] != "emulator":
         return node_parameters(arguments, CAN_INTERFACE, CAN_CHANNEL), {ADAPTER_LINK.name: ""}
+    if interface == "virtual" and arguments["composed"] != "true":
+        raise ConfigError(
+            "bus_interface: virtual is a bus within one process; use composed:=true, or another interface"
+        )
     if interface:
         board = node_parameters(arguments, BUS_INTERFACE, BUS_CHANNEL)
         return {CAN_INTERFACE.name: interface, CAN_CHANNEL.name: channel}, {ADAPTER_LINK.name: "", **board}

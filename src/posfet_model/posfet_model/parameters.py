@@ -59,6 +59,8 @@ class Parameter:
     """Whether it is set at start-up only."""
     fixed: str = "it is used at start-up only"
     """Why it is read-only, if it is."""
+    frame: bool = False
+    """Whether it names a TF frame, which does not begin with a slash."""
 
     def __post_init__(self) -> None:
         reason = self.check(self.default)
@@ -95,6 +97,8 @@ class Parameter:
         if self.choices:
             return f"one of {', '.join(self.choices)}"
         words = _IN_WORDS[type(self.default)]
+        if self.frame:
+            return f"{words} without a slash at its front"
         return f"{words} in {self.range} {self.unit}".strip() if self.bounded else words
 
     @property
@@ -128,7 +132,7 @@ class Parameter:
         if fits and isinstance(value, (int, float)) and not isinstance(value, bool):
             fits = math.isfinite(value) and self.low <= value <= self.high
         if fits and isinstance(value, str):
-            fits = bool(value) or not self.default
+            fits = (bool(value) or not self.default) and not (self.frame and value.startswith("/"))
         if fits and isinstance(value, list):
             fits = all(isinstance(item, str) for item in value)
         if fits and self.choices:
@@ -202,9 +206,10 @@ FRAME_ID: Final = Parameter(
     "Frame of the array: x along columns, y along rows, z outward",
     empty="<namespace>_array",
     fixed="TF and other nodes have it already",
+    frame=True,
 )
 PARENT_FRAME: Final = Parameter(
-    "parent_frame", "", "TF frame that the array is mounted on", empty="no transform is broadcast"
+    "parent_frame", "", "TF frame that the array is mounted on", empty="no transform is broadcast", frame=True
 )
 MOUNT_POSE: Final = Parameter(
     "mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"
