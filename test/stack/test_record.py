@@ -254,6 +254,32 @@ def test_a_live_replay_says_at_its_end_what_of_the_recording_could_not_be_read(t
     )
 
 
+def test_a_namespace_that_nobody_publishes_in_is_named_while_the_others_are_recorded(
+    context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("posfet.record.PATIENCE", 0.2)
+    talker = rclpy.create_node("talker", namespace="left", context=context)
+    raw = talker.create_publisher(TactileRaw, "raw", 10)
+    ended = threading.Event()
+
+    def publish() -> None:
+        while not ended.wait(0.02):
+            raw.publish(TactileRaw())
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    try:
+        assert main([str(tmp_path / "x.mcap"), "--namespace", "left", "rihgt", "--for", "0.6"]) == 0
+    finally:
+        ended.set()
+        publishing.join()
+        talker.destroy_node()
+    assert capfd.readouterr().err.splitlines() == [
+        "/rihgt/...: nobody publishes it so far",
+        "/rihgt/...: nobody published it",
+    ]
+
+
 def test_a_recorder_ends_with_the_input_that_the_program_holds_open(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "posfet.record", WITH_INPUT, str(tmp_path / "x.mcap"), "--for", "1000"]
     run = subprocess.run(

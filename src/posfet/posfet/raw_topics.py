@@ -124,8 +124,11 @@ class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
 
     @property
     def missing(self) -> list[str]:
-        """Chosen topics that nobody publishes."""
-        return sorted(self._wanted - set(self.subscribed))
+        """Chosen topics that nobody publishes; where all are wanted, the namespaces without any, as ``/thumb/...``."""
+        if self._wanted:
+            return sorted(self._wanted - set(self.subscribed))
+        found = tuple(self.subscribed)
+        return [f"{prefix}..." for prefix in self._prefixes if not any(name.startswith(prefix) for name in found)]
 
     def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes, int], None]:
         """Return what takes the messages of a topic that has been found; a subclass defines it.

@@ -47,6 +47,8 @@ STOP_TIMEOUT: Final = 20.0
 """Time for a recording process to end [s]."""
 WITH_INPUT: Final = "--end-with-input"
 """Option of a recording process that ends with its standard input, and so with the program that started it."""
+PATIENCE: Final = 3.0
+"""Time after the first message after which it is said what nobody publishes [s]: not first when all is recorded."""
 FIRST_MESSAGE: Final = 10.0
 """Time to wait for the first message [s], and longer where the recording is to last longer: a busy machine takes some
 seconds to find the topics."""
@@ -253,11 +255,16 @@ def _record(path: Path, options: argparse.Namespace) -> int:
             stack.callback(node.destroy_node)
             begin = time.monotonic()
             patience = begin + max(options.seconds, FIRST_MESSAGE)
+            told: list[str] = []
             with _Display(path, node) as display:
 
                 def over() -> bool:
                     now = time.monotonic()
                     display.update(now)
+                    if not told and node.begin is not None and now >= node.begin + PATIENCE:
+                        told.extend(node.missing or [""])
+                        for name in node.missing:
+                            display.say(f"{name}: nobody publishes it so far")
                     end = patience if node.begin is None else node.begin + options.seconds
                     full = bool(node.failure) or file.size >= options.max_size * 1e6
                     return now >= end or full or ended.is_set()
@@ -305,6 +312,13 @@ class _Display:
     def __exit__(self, *error: Any) -> None:
         if self._status:
             self._status.__exit__(*error)
+
+    def say(self, text: str) -> None:
+        """Print a line, above the progress where it is shown."""
+        if self._status:
+            self._status.console.print(text, markup=False, highlight=False)
+        else:
+            print(text, file=sys.stderr, flush=True)
 
     def update(self, now: float) -> None:
         """Show the progress if it is due."""
