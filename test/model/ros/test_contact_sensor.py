@@ -41,10 +41,12 @@ def node() -> Iterator[Node]:
     rclpy.shutdown(context=context)
 
 
-def touched(*forces: float, valid: bool = True) -> TactileContacts:
-    """Return a message with contacts of these forces on the sensor, the last of them released."""
+def touched(*forces: float, valid: bool = True, stamp: float = 0.0) -> TactileContacts:
+    """Return a message, measured at a time [s], with contacts of these forces on the sensor, the last one released."""
     message = TactileContacts(data_valid=valid)
     message.header.frame_id = "thumb_array"
+    message.header.stamp.sec, fraction = int(stamp), stamp % 1.0
+    message.header.stamp.nanosec = round(fraction * 1e9)
     for force in forces:
         contact = TactileContact(state=TactileContact.STATE_HELD)
         contact.force.z = -force
@@ -57,7 +59,7 @@ def touched(*forces: float, valid: bool = True) -> TactileContacts:
 def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node, reliability: str) -> None:
     now = [0.0]
     sensor = ContactSensor(node, "thumb", max_age=0.01, clock=lambda: now[0])
-    assert (sensor.known, sensor.contacts(), sensor.frame_id) == (False, None, "")
+    assert (sensor.known, sensor.contacts(), sensor.frame_id, sensor.age) == (False, None, "", math.inf)
     assert all(map(math.isnan, sensor.force()))
     publisher = node.create_publisher(TactileContacts, "/robot/thumb/contacts", output_qos(reliability, 1))
     executor = SingleThreadedExecutor(context=node.context)
@@ -80,9 +82,9 @@ def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node
     receive(touched(0.5, valid=False))
     assert sensor.contacts() is None
     assert math.isnan(sensor.force()[2])
-    receive(touched(0.5))
+    receive(touched(0.5, stamp=0.011))
     while not sensor.known:
-        receive(touched(0.5))
+        receive(touched(0.5, stamp=0.011))
     assert sensor.contacts() == ()
     assert sensor.force() == (0.0, 0.0, 0.0)
     executor.shutdown()
@@ -92,3 +94,34 @@ def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node
 def test_an_age_that_is_none_is_refused(node: Node, age: float) -> None:
     with pytest.raises(ValueError, match=r"max_age must be in \(0, inf\)"):
         ContactSensor(node, "thumb", max_age=age)
+
+
+def taken(node: Node, *times: tuple[float, float]) -> list[float]:
+    """Return the age of each message on its arrival, for times of arrival and of measurement by another clock [s]."""
+    now, ages = [0.0], []
+    sensor = ContactSensor(node, "thumb", max_age=0.05, clock=lambda: now[0])
+    for arrival, measured in times:
+        now[0] = arrival
+        sensor._take(touched(0.5, stamp=measured))
+        assert sensor.known == (sensor.age <= 0.05)
+        ages.append(sensor.age)
+    return ages
+
+
+def test_contacts_that_waited_on_their_way_are_old_though_they_have_just_arrived(node: Node) -> None:
+    steady = [(0.01 * number, 5000.0 + 0.01 * number) for number in range(5)]
+    waited = [(0.84, 5000.05), (0.85, 5000.06), (0.86, 5000.86), (0.87, 5000.87)]  # the last two did not
+    assert taken(node, *steady, *waited) == pytest.approx([*[0.0] * 5, 0.79, 0.79, 0.0, 0.0], abs=1e-3)
+
+
+def test_the_first_contacts_are_compared_with_quicker_ones_as_soon_as_there_are_any(node: Node) -> None:
+    times = (1.0, 0.0), (1.01, 0.91), (1.02, 1.0), (1.52, 1.1)
+    assert taken(node, *times) == pytest.approx([0.0, 0.0, 0.0, 0.4], abs=1e-3)
+
+
+def test_a_clock_that_is_set_or_runs_at_another_rate_leaves_contacts_known(node: Node) -> None:
+    set_back = [(number * 0.01, 5000.0 - 3600.0 * (number > 3) + 0.01 * number) for number in range(6)]
+    set_on = [(number * 0.01, 5000.0 + 3600.0 * (number > 3) + 0.01 * number) for number in range(6)]
+    slow = [(number * 10.0, 5000.0 + number * 10.0 * (1.0 - 1e-4)) for number in range(1000)]
+    for times in (set_back, set_on, slow):
+        assert max(taken(node, *times)) < 1e-3

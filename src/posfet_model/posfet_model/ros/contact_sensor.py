@@ -12,15 +12,24 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from typing import Final
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_msgs.msg import TactileContact, TactileContacts
+
+DRIFT: Final = 2e-4
+"""Largest difference between the rates of two clocks; assumed, more than that of two quartz oscillators."""
 
 
 class ContactSensor:
     """Holds the newest contacts of one sensor; they are unknown unless they are valid and fresh.
+
+    Their age is the time since they arrived, and that by which they arrived later than the quickest ones, by their
+    stamps: contacts that waited on their way are old, as behind a model that cannot keep up. The clocks of hosts need
+    not agree. A recording that is played slower than in real time becomes old.
 
     Parameters
     ----------
@@ -29,7 +38,7 @@ class ContactSensor:
     namespace : str
         Namespace of the sensor, relative to that of the node unless it begins with a slash.
     max_age : float
-        Time after its arrival for which a message counts [s].
+        Age up to which a message counts [s].
     clock : callable
         Steady clock [s].
     """
@@ -41,14 +50,21 @@ class ContactSensor:
             raise ValueError(f"max_age must be in (0, inf), got {max_age}")
         self._newest = TactileContacts()  # not valid
         self._arrival = -math.inf
+        self._stamp = 0  # of the newest message [ns]
+        self._delay = 0.0  # of the newest message, in comparison with the quickest one [s]
         self._max_age, self._clock = max_age, clock
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits publishers of either reliability
         node.create_subscription(TactileContacts, f"{namespace}/contacts", self._take, newest)
 
     @property
     def known(self) -> bool:
-        """Whether the contacts are known: a valid message arrived not longer ago than `max_age`."""
-        return bool(self._newest.data_valid) and self._clock() - self._arrival <= self._max_age
+        """Whether the contacts are known: the newest message is valid, and not older than `max_age`."""
+        return bool(self._newest.data_valid) and self.age <= self._max_age
+
+    @property
+    def age(self) -> float:
+        """Age of the newest message [s]; inf before it."""
+        return self._clock() - self._arrival + self._delay
 
     @property
     def frame_id(self) -> str:
@@ -70,4 +86,11 @@ class ContactSensor:
         return float(x), float(y), float(z)
 
     def _take(self, message: TactileContacts) -> None:
-        self._newest, self._arrival = message, self._clock()
+        arrival = self._clock()
+        stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
+        between, measured = arrival - self._arrival, (stamp - self._stamp) / NANOSECONDS
+        if math.isinf(between) or measured < 0.0:  # the first, its clock was set, or a recording begins again
+            self._delay = 0.0
+        else:
+            self._delay = max(self._delay + (1.0 - DRIFT) * between - measured, 0.0)
+        self._newest, self._arrival, self._stamp = message, arrival, stamp
