@@ -212,6 +212,13 @@ def test_a_parameter_that_cannot_change_says_why(bench: Bench, name: str, value:
     assert node.get_parameter("display_rate").value == 30.0
 
 
+def test_a_parameter_that_the_node_does_not_have_is_named_and_nothing_is_set(bench: Bench) -> None:
+    node = bench.model()
+    reason = "contact_treshold: no such parameter, did you mean contact_threshold?; zzz: no such parameter"
+    assert change(node, display_rate=5.0, contact_treshold=0.1, zzz=1) == (False, reason)
+    assert node.get_parameter("display_rate").value == 30.0
+
+
 def test_the_frame_is_that_of_the_scans(bench: Bench) -> None:
     node = bench.model(direct=False)
     node.start()

@@ -22,6 +22,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from posfet_model.config import did_you_mean
+
 RESTART_PERIOD: Final = 60.0
 """Time in which one restart is tried [s]; a second error within it ends the process."""
 
@@ -162,8 +164,10 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Any]) -> Any:
-        """Set all parameters or none as rclpy does; the result says why one cannot change while the node runs."""
-        reasons = [
+        """Set all parameters or none as rclpy does; the result says which does not exist, or why one cannot change."""
+        names = [parameter.name for parameter in parameter_list]
+        reasons = [self._no_such_parameter(name) for name in names if not self.has_parameter(name)]
+        reasons += [
             f"{parameter.name}: cannot change while the node runs: {self.fixed_parameters[parameter.name]}"
             for parameter in parameter_list
             if parameter.name in self.fixed_parameters
@@ -171,6 +175,10 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
         if reasons:
             return SetParametersResult(successful=False, reason="; ".join(reasons))
         return super().set_parameters_atomically(parameter_list)
+
+    def _no_such_parameter(self, name: str) -> str:
+        similar = did_you_mean(name, self.get_parameters_by_prefix(""))
+        return f"{name}: no such parameter, {similar}".rstrip(", ")
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **options: Any) -> Any:
         """Create a service as rclpy does; when its callback raises, it answers with the error."""
