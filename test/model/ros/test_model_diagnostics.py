@@ -36,6 +36,7 @@ class FakeNode:
 
     def __init__(self) -> None:
         self.published: list[DiagnosticArray] = []
+        self.logged: list[str] = []
         self.tick: Callable[[], None] = lambda: None
         self.internal_errors = SimpleNamespace(values=dict)
 
@@ -50,6 +51,9 @@ class FakeNode:
 
     def create_timer(self, _: float, callback: Callable[[], None]) -> None:
         self.tick = callback
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=self.logged.append)
 
     def report(self) -> DiagnosticStatus:
         self.tick()
@@ -80,3 +84,34 @@ def test_a_board_with_a_scan_every_two_seconds_is_not_one_without_scans(rate: fl
     assert node.report().level == DiagnosticStatus.OK
     active[0] = True
     assert (node.report().level == DiagnosticStatus.ERROR) == (longest == 1), "it has not been silent for long"
+
+
+def test_topics_that_another_node_publishes_too_are_a_warning_logged_once_each_time() -> None:
+    node, model, others, active = FakeNode(), Reconstructor(SENSOR), [], [True]
+    ModelDiagnostics(
+        node,  # type: ignore[arg-type]
+        SENSOR,
+        lambda: (active[0], ModelReport(model, model.refresh())),
+        SimpleNamespace(dropped=0),  # type: ignore[arg-type]
+        shared=lambda: others,
+    )
+    player = scans(SENSOR, 5.0, force=lambda _: 0.0)
+
+    def report() -> DiagnosticStatus:
+        for _, (_, scan) in zip(range(200), player, strict=False):
+            model.process(scan)
+        return node.report()
+
+    assert "another node" not in report().message
+    others[:] = ["/tactile/raw", "/tactile/contacts"]
+    text = "another node publishes /tactile/raw and /tactile/contacts, too: give each sensor a namespace of its own"
+    for _ in range(2):
+        status = report()
+        assert (status.level, status.message) == (DiagnosticStatus.WARN, text)
+    assert node.logged == [f"{text} (a process that was killed counts for 20 s)"]
+    assert node.report().message.startswith("no scans: check that the driver is running and active; another node")
+    others.clear()
+    assert "another node" not in report().message
+    others.append("/tactile/contacts")
+    report()
+    assert len(node.logged) == 2

@@ -588,6 +588,22 @@ def test_a_calibration_folder_that_cannot_be_written_is_reported_at_the_start_an
     assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
 
 
+def test_a_second_publisher_of_contacts_or_scans_is_reported(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_diagnostics, "REPORT_PERIOD", 0.01)
+    diagnostics = bench.listen(DiagnosticArray, "/diagnostics")
+    bench.model(direct=False)
+    bench.spin_until(lambda: bool(diagnostics))
+    assert "another node" not in diagnostics[-1].status[0].message
+    publishers = [bench.peer.create_publisher(TactileRaw, "raw", 1) for _ in range(2)]
+    bench.spin_until(lambda: "another node publishes /raw, too" in diagnostics[-1].status[0].message)
+    publishers.append(bench.peer.create_publisher(TactileContacts, "contacts", 1))
+    both = "another node publishes /raw and /contacts, too"
+    bench.spin_until(lambda: both in diagnostics[-1].status[0].message)
+    for publisher in publishers:
+        bench.peer.destroy_publisher(publisher)
+    bench.spin_until(lambda: "another node" not in diagnostics[-1].status[0].message)
+
+
 def test_the_limit_of_uncertainty_is_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
     model = bench.model(max_relative_uncertainty=1e-3, calibration_folder=str(tmp_path))
     for _ in range(2):

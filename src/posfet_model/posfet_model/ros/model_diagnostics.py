@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -25,6 +25,8 @@ from posfet_model.sensor.description import Sensor
 
 REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
+LEASE = 20.0
+"""Time after which the middleware forgets a process that was killed [s]: the default of Fast DDS."""
 
 
 class ModelDiagnostics:
@@ -42,6 +44,8 @@ class ModelDiagnostics:
         Knows the scans that came too late.
     folder_problem : str, optional
         Why no calibration can be saved, in one line.
+    shared : callable, optional
+        Returns the topics of this node that others publish, too.
     """
 
     def __init__(
@@ -51,9 +55,11 @@ class ModelDiagnostics:
         observe: Callable[[], tuple[bool, ModelReport | None]],
         queue: QueueDelay,
         folder_problem: str = "",
+        shared: Callable[[], Sequence[str]] = tuple,
     ) -> None:
         self._node, self._observe, self._queue = node, observe, queue
         self._constant = {"calibration folder": folder_problem} if folder_problem else {}
+        self._shared, self._said = shared, False
         self._dropped = 0
         self._hardware = hardware_id(sensor, node.get_namespace())
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
@@ -72,7 +78,7 @@ class ModelDiagnostics:
         before, self._reported = self._reported, report.counts
         quiet = active and report.counts.accepted == before.accepted
         self._without = self._without + REPORT_PERIOD if quiet else 0.0
-        verdict = self._with_dropped(report.verdict(before, self._without))
+        verdict = self._with_shared(self._with_dropped(report.verdict(before, self._without)))
         level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
         values = report.values(before, REPORT_PERIOD)
         values["dropped as too late"] = str(self._queue.dropped)
@@ -86,7 +92,23 @@ class ModelDiagnostics:
         if not dropped:
             return verdict
         why = f"{dropped} scans dropped, more than {LONGEST:g} s late: they come faster than they are processed"
-        text = f"{why}; lower the scan rate, or free a processor"
-        if verdict.level == Level.ERROR:
-            return Verdict(verdict.level, f"{verdict.text}; {text}")
-        return Verdict(Level.WARN, text)
+        return _with_warning(verdict, f"{why}; lower the scan rate, or free a processor")
+
+    def _with_shared(self, verdict: Verdict) -> Verdict:
+        """Return the verdict with the topics that others publish, too; log that once when it begins."""
+        topics = self._shared()
+        if not topics:
+            self._said = False
+            return verdict
+        text = f"another node publishes {' and '.join(topics)}, too: give each sensor a namespace of its own"
+        if not self._said:
+            self._node.get_logger().warning(f"{text} (a process that was killed counts for {LEASE:.0f} s)")
+        self._said = True
+        return _with_warning(verdict, text)
+
+
+def _with_warning(verdict: Verdict, text: str) -> Verdict:
+    """Return a verdict that says `text`, after an error and in place of anything less."""
+    if verdict.level == Level.ERROR:
+        return Verdict(verdict.level, f"{verdict.text}; {text}")
+    return Verdict(Level.WARN, text)

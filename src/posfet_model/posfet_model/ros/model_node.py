@@ -108,7 +108,12 @@ class ModelNode(SupervisedLifecycleNode):
             self, self._calibrations, lambda: self._reconstructor, self._use_calibration, self._tare
         )
         self._diagnostics = ModelDiagnostics(
-            self, self.sensor, self._observed, self._queue, folder_problem=services.folder_problem
+            self,
+            self.sensor,
+            self._observed,
+            self._queue,
+            folder_problem=services.folder_problem,
+            shared=self._shared_topics,
         )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -315,6 +320,11 @@ class ModelNode(SupervisedLifecycleNode):
     def _tare(self, force: bool) -> Tare | None:
         with self._lock:
             return self._reconstructor.tare(force) if self._active and self._reconstructor else None
+
+    def _shared_topics(self) -> list[str]:
+        """Return those of `raw` and `contacts` that have more than one publisher, whose messages are mixed."""
+        topics = [each.topic_name for each in (self._raw, self._outputs.contacts) if each is not None]
+        return [topic for topic in topics if self.count_publishers(topic) > 1]
 
     def _observed(self) -> tuple[bool, ModelReport | None]:
         """Return whether scans are processed, and the state of the reconstructor; None without one."""
