@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import io
 import math
+import os
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from posfet.lines import Lines
 from posfet.snapshot import ContactView, Record, ScanCount, Snapshot, TrueContact, line
+from posfet_model.config import ConfigError
 
 TOUCH = ContactView(7, "held", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5)
 SNAPSHOT = Snapshot(
@@ -111,6 +115,35 @@ def test_a_line_says_that_no_new_scan_came_and_nothing_of_the_old_one() -> None:
     assert "total 1.25 N" in printed[0]
     assert printed[1:3] == [f"   {age}.0 s  no new scans for {age} s: simulated board runs" for age in (2, 3)]
     assert "total 1.25 N" in printed[3]
+
+
+@pytest.mark.parametrize("outlived", [True, False])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_ends_the_output_and_not_what_outlives_it(outlived: bool) -> None:
+    snapshots = [replace(SNAPSHOT, time=10.0 + step, sequence=step) for step in range(4)]
+    with open("/dev/full", "w", encoding="utf-8") as stream, Lines(Replay(*snapshots), stream, outlived) as lines:
+        lines.update(100.0)
+        assert lines.problem == ""
+        context = (
+            nullcontext() if outlived else pytest.raises(ConfigError, match=r"^the output cannot be written: No sp")
+        )
+        with context:
+            lines.update(101.0)
+        assert lines.problem == "the output cannot be written: No space left on device"
+        lines.update(102.0)
+
+
+def test_a_reader_that_ends_does_not_end_what_outlives_it() -> None:
+    snapshots = [replace(SNAPSHOT, time=10.0 + step, sequence=step) for step in range(4)]
+    for outlived in (True, False):
+        reading, writing = os.pipe()
+        os.close(reading)
+        with open(writing, "w", encoding="utf-8") as stream, Lines(Replay(*snapshots), stream, outlived) as lines:
+            lines.update(100.0)
+            with nullcontext() if outlived else pytest.raises(BrokenPipeError):
+                lines.update(101.0)
+            assert lines.problem == "the output cannot be written: Broken pipe"
+            lines.update(102.0)
 
 
 def test_a_scan_every_two_seconds_is_never_old() -> None:

@@ -66,7 +66,7 @@ def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_p
             from posfet.stack_client import StackClient  # noqa: PLC0415  # and this
         client = StackClient(node, namespace)
         link = "" if web_port is None else _served(stack, client, nodes, web_port)
-        with display(nodes, client, link) as screen:
+        with display(nodes, client, link, outlived=True) as screen:
             code = show(screen, [*nodes, node], seconds, nodes.state, lambda: nodes.finished)
         if ending := nodes.ending():  # the process ends before the next report
             print(f"posfet: {ending}", file=sys.stderr)

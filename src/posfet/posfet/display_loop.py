@@ -29,7 +29,7 @@ PATIENCE = 3.0
 """Time without a scan after which it is said what is waited for [s]."""
 
 
-def display(source: SnapshotSource, client: Client, link: str = "") -> Lines:
+def display(source: SnapshotSource, client: Client, link: str = "", outlived: bool = False) -> Lines:
     """Return the live display in a terminal, lines elsewhere.
 
     Parameters
@@ -40,9 +40,11 @@ def display(source: SnapshotSource, client: Client, link: str = "") -> Lines:
         Description, diagnostics and services of the stack.
     link : str, optional
         Link to the browser view.
+    outlived : bool, optional
+        Whether the process goes on when its output, no terminal, cannot be written.
     """
     if not sys.stdout.isatty():
-        return Lines(source)
+        return Lines(source, outlived=outlived)
     from posfet.terminal.screen import Screen  # noqa: PLC0415  # rich takes a tenth of the start
 
     return Screen(source, client, link)
@@ -79,11 +81,14 @@ def show(
         0; 1, with the reason on stderr, if the time is over and no scan has arrived.
     """
     begin = time.monotonic()
-    end, ask = begin + seconds, begin + PATIENCE
+    end, ask, said = begin + seconds, begin + PATIENCE, False
 
     def over() -> bool:
-        nonlocal ask
+        nonlocal ask, said
         screen.update()
+        if screen.problem and not said:
+            said = True
+            nodes[0].get_logger().warning(f"{screen.problem}; nothing more is printed, the stack goes on")
         if time.monotonic() >= ask:
             ask = math.inf
             if text := awaited():
@@ -93,7 +98,7 @@ def show(
     spin(nodes, until=over)
     screen.update(math.inf)
     screen.close()
-    print(screen.record.summary())
+    screen.print(screen.record.summary())
     if screen.record.last is None and time.monotonic() >= end:
         print(f"posfet: {state()}", file=sys.stderr)
         return NO_SCAN

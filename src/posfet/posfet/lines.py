@@ -10,12 +10,14 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from types import TracebackType
 from typing import Final, TextIO
 
 from posfet.snapshot import Record, Snapshot, SnapshotSource, line
+from posfet_model.config import ConfigError
 
 PERIOD: Final = 0.1
 """Period at which snapshots are taken [s]."""
@@ -34,10 +36,14 @@ class Lines:
         Source of the snapshots.
     stream : TextIO, optional
         Where to; default: standard output.
+    outlived : bool, optional
+        Whether the process goes on when its output cannot be written: it then prints nothing more.
     """
 
-    def __init__(self, source: SnapshotSource, stream: TextIO | None = None) -> None:
-        self._source, self._stream = source, stream
+    def __init__(self, source: SnapshotSource, stream: TextIO | None = None, outlived: bool = False) -> None:
+        self._source, self._stream, self._outlived = source, stream, outlived
+        self.problem = ""
+        """Why nothing more is printed, in one line; '' while the output can be written."""
         self._next = 0.0
         self._next_line = LINE_PERIOD
         self._rates: list[float] = []
@@ -61,7 +67,19 @@ class Lines:
 
     def close(self) -> None:
         """End the display; may be called twice."""
-        (self._stream or sys.stdout).flush()
+        self.print("", end="")
+
+    def print(self, text: str, end: str = "\n") -> None:
+        """Print a text; ConfigError, one line, or BrokenPipeError if that fails and the process is to end with it."""
+        stream = self._stream or sys.stdout
+        try:
+            print(text, end=end, file=stream, flush=True)
+        except OSError as error:  # a full disk, or a reader that has ended
+            self.problem = f"the output cannot be written: {error.strerror}"
+            with open(os.devnull, "wb") as nowhere:  # what the stream still holds would fail again at the end
+                os.dup2(nowhere.fileno(), stream.fileno())
+            if not self._outlived:
+                raise error if isinstance(error, BrokenPipeError) else ConfigError(self.problem) from error
 
     def update(self, now: float | None = None) -> None:
         """Update the display if it is due; `now` is a monotonic time [s]. Cheap to call often."""
@@ -98,4 +116,4 @@ class Lines:
         elapsed = snapshot.time - self.record.first.time if self.record.first else 0.0
         if elapsed >= self._next_line:
             self._next_line = (math.floor(elapsed / LINE_PERIOD) + 1) * LINE_PERIOD
-            print(line(snapshot, elapsed, scan_rate, self._age(snapshot)), file=self._stream, flush=True)
+            self.print(line(snapshot, elapsed, scan_rate, self._age(snapshot)))

@@ -50,7 +50,7 @@ def run(arguments: Mapping[str, str], given: RosArguments, seconds: float, web_p
         view = ViewNode(client, given.words)
         stack.callback(view.destroy_node)
         link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)
-        with Processes(specs) as processes, display(view, client, link) as screen:
+        with Processes(specs) as processes, display(view, client, link, outlived=True) as screen:
             code = show(screen, [node], seconds, view.state, stop=processes.ended)
             for text in processes.silent_ends():
                 print(f"posfet: {text}", file=sys.stderr)
