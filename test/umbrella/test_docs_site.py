@@ -91,6 +91,13 @@ def test_the_reference_names_the_arguments_of_a_replay_beside_its_options() -> N
     assert replay.rstrip().endswith(f"With --out: {', '.join(argument.name for argument in TO_FILE)}.")
 
 
+def test_the_reference_names_arguments_that_all_actions_share_once() -> None:
+    [can] = re.findall(r"^## posfet can\n(.*?)(?=^## )", PAGES["commands.md"](), re.MULTILINE | re.DOTALL)
+    assert can.count("`--data-bitrate ") == 1
+    assert can.index("Every `posfet can ...` has:") < can.index("`--data-bitrate ") < can.index("### posfet can list")
+    assert can.count("`-i, --interface ") == 7
+
+
 def test_the_command_writes_the_reference(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.count("written") == len(PAGES)

@@ -135,22 +135,39 @@ def _parser(place: str) -> argparse.ArgumentParser:
     raise ValueError(f"{place} has no --help")
 
 
-def _arguments(parser: argparse.ArgumentParser, program: str) -> Iterator[str]:
-    """Yield the arguments of a parser as a table, what its help ends with, and the same of its actions."""
-    rows = []
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            purposes = {choice.dest: choice.help or "" for choice in action._choices_actions}
-            for name, sub in action.choices.items():
-                yield f"### {program} {name}"
-                yield f"{purposes[name][:1].upper()}{purposes[name][1:]}."
-                yield from _arguments(sub, f"{program} {name}")
-        elif action.help != argparse.SUPPRESS and not isinstance(action, argparse._HelpAction):
-            rows.append(f"| {_usage(action)} | {_meaning(action, parser)} |")
-    if rows:
-        yield "\n".join(["| argument | meaning |", "|---|---|", *rows])
+def _arguments(parser: argparse.ArgumentParser, program: str, shared: Sequence[str] = ()) -> Iterator[str]:
+    """Yield the arguments of a parser as a table, but for `shared` rows, what its help ends with, and its actions."""
+    if rows := [row for row in _rows(parser) if row not in shared]:
+        yield _table(rows)
     if parser.epilog:
         yield " ".join(parser.epilog.split())
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            yield from _actions(action, program)
+
+
+def _actions(action: argparse._SubParsersAction[argparse.ArgumentParser], program: str) -> Iterator[str]:
+    """Yield the arguments that all actions of a command share, then each action with its own."""
+    tables = [_rows(sub) for sub in action.choices.values()]
+    if shared := [row for row in tables[0] if all(row in rows for rows in tables)]:
+        yield f"Every `{program} ...` has:"
+        yield _table(shared)
+    purposes = {choice.dest: choice.help or "" for choice in action._choices_actions}
+    for name, sub in action.choices.items():
+        yield f"### {program} {name}"
+        yield f"{purposes[name][:1].upper()}{purposes[name][1:]}."
+        yield from _arguments(sub, f"{program} {name}", shared)
+
+
+def _rows(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the rows of the table of a parser's own arguments."""
+    hidden = (argparse._SubParsersAction, argparse._HelpAction)
+    shown = (each for each in parser._actions if each.help != argparse.SUPPRESS and not isinstance(each, hidden))
+    return [f"| {_usage(each)} | {_meaning(each, parser)} |" for each in shown]
+
+
+def _table(rows: Sequence[str]) -> str:
+    return "\n".join(["| argument | meaning |", "|---|---|", *rows])
 
 
 def _usage(action: argparse.Action) -> str:

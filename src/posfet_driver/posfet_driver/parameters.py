@@ -30,7 +30,7 @@ CAN_CHANNEL: Final = Parameter(
     "Channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...; a serial port may be a pattern: /dev/ttyACM*",
 )
 _SOCKETCAN: Final = (
-    "; a socketcan bus is set by ip link, and this is what its load and the errors of stamps are computed with"
+    ". With socketcan, ip link sets the bus; this value only serves to compute bus load and stamp errors"
 )
 CAN_BITRATE: Final = Parameter(
     "can_bitrate",

@@ -272,8 +272,7 @@ HUM_REMOVAL: Final = Parameter(
 TOUCH_AT_START: Final = Parameter(
     "touch_at_start",
     False,
-    "Something may touch the array when the model starts: data is not valid until a release, or a tare with `force`, "
-    "shows what no force is",
+    "Something may touch the array when the model starts: data is not valid until a release, or a tare with `force`",
     read_only=False,
 )
 DISPLAY_RATE: Final = Parameter(

@@ -71,8 +71,8 @@ def make_parser() -> argparse.ArgumentParser:
     names = [command.name.lower() for command in Command]
     parsers["command"].add_argument("name", choices=names, help="the command")
     parsers["command"].add_argument("argument", nargs="?", type=_word, help="set_rate: scan period [us]")
-    for name in ("record", "replay"):
-        parsers[name].add_argument("file", type=Path)
+    parsers["record"].add_argument("file", type=Path, metavar="FILE", help="file to write: .log, .asc or .blf")
+    parsers["replay"].add_argument("file", type=Path, metavar="FILE", help="recording to read: .log, .asc or .blf")
     parsers["replay"].add_argument("--decode", action="store_true", help="only summarise the recording; needs no bus")
     parsers["replay"].add_argument("--speed", type=positive, default=1.0, help="playback speed factor")
     return parser
