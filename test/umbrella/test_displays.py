@@ -26,7 +26,7 @@ from support.paths import ROOT
 
 REPOSITORY = ROOT
 UMBRELLA = REPOSITORY / "src" / "posfet"
-README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+DOCUMENT = (REPOSITORY / "docs/displays.md").read_text(encoding="utf-8")
 MODEL_NODE = "".join(
     (REPOSITORY / "src/posfet_model/posfet_model/ros" / name).read_text(encoding="utf-8")
     for name in ("model_diagnostics.py", "model_outputs.py", "map_outputs.py")
@@ -75,9 +75,9 @@ def test_foxglove_shows_published_topics_on_panels_of_the_layout() -> None:
     assert sorted(panels) == sorted(layout["configById"])
 
 
-def test_the_readme_names_both_files() -> None:
-    assert "rviz/tactile.rviz" in README
-    assert "foxglove/tactile.json" in README
+def test_the_document_names_both_files() -> None:
+    assert "rviz/tactile.rviz" in DOCUMENT
+    assert "foxglove/tactile.json" in DOCUMENT
 
 
 def shown_topics(document: Any) -> set[str]:

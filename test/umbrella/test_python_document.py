@@ -40,6 +40,7 @@ def test_the_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
         printed.append(out.getvalue())
     assert printed[0].startswith("#1: 0.0")
     assert any(text.startswith("press_slid_lift: no such scene; did you mean press_slide_lift?") for text in printed)
+    assert "False 0 (25,)\n" in printed
     assert all(printed)
 
 
