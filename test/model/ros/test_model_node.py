@@ -36,7 +36,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor, TaxelStatus
-from posfet_model.ros import model_diagnostics, model_report
+from posfet_model.ros import model_diagnostics, model_node, model_report
 from posfet_model.ros.model_node import ModelNode
 from posfet_model.ros.scan_reader import ScanReader
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
@@ -586,6 +586,33 @@ def test_a_calibration_folder_that_cannot_be_written_is_reported_at_the_start_an
     answer = call(bench, CalibrationFile, "calibration/save", path="cal.yaml")
     assert (answer.success, answer.message) == (False, problem)
     assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
+
+
+@pytest.mark.parametrize("begins", [1, 100])
+def test_a_contact_that_begins_while_another_calibration_is_prepared_keeps_its_id(
+    bench: Bench, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, begins: int
+) -> None:
+    model, given, prepared = bench.model(calibration_folder=str(tmp_path)), [], []
+    assert call(bench, CalibrationFile, "calibration/save", path="cal.yaml").success
+    process(model, recorded_scans()[:PRESS_FROM])
+
+    def prepare(*arguments: Any) -> Reconstructor:
+        prepared.append(1)
+        made = Reconstructor(*arguments)
+        if len(prepared) <= min(begins, model_node.ATTEMPTS):  # scans go on meanwhile
+            feed = recorded_scans()
+            process(
+                model, [*feed[PRESS_FROM : PRESS_UNTIL + 1], *feed[:PRESS_FROM]] if prepared[1:] else feed[PRESS_FROM:]
+            )
+            given.append(model._reconstructor.next_id - 1)
+        return made
+
+    monkeypatch.setattr(model_node, "Reconstructor", prepare)
+    assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
+    assert len(prepared) == min(begins, model_node.ATTEMPTS) + 1
+    process(model, recorded_scans()[: PRESS_UNTIL - 10])
+    [contact] = model.latest().contacts
+    assert contact.id == max(given) + 1 > 1
 
 
 def test_a_second_publisher_of_contacts_or_scans_is_reported(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

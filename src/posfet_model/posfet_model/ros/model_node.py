@@ -47,6 +47,10 @@ if TYPE_CHECKING:
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
 
+ATTEMPTS = 3
+"""Number of times that a reconstructor is made while scans go on: if a contact began meanwhile, it is not used, as it
+would give the id of that contact again."""
+
 
 class ModelNode(SupervisedLifecycleNode):
     """Publishes forces and contacts, reconstructed from the scans of `raw` or from those passed to `process`.
@@ -172,14 +176,29 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _use_calibration(self, calibration: Calibration | None) -> Reconstructor:
         """Begin to estimate with a calibration; None: nominal values."""
-        self._keep_id()
-        reconstructor = Reconstructor(self.sensor, calibration, self._settings, self._next_id)
-        with self._lock:
-            self._reconstructor, self._result = reconstructor, None
-            self._direct.close()
-            if self._diagnostics is not None:
-                self._diagnostics.forget()
-        return reconstructor
+        for _ in range(ATTEMPTS):
+            self._keep_id()
+            first = self._next_id
+            made = self._make(calibration)
+            with self._lock:
+                if self._reconstructor is None or self._reconstructor.next_id == first:
+                    self._replace(made)
+                    return made
+        with self._lock:  # contacts begin all the time: scans wait for it
+            self._next_id = self._reconstructor.next_id if self._reconstructor else self._next_id
+            made = self._make(calibration)
+            self._replace(made)
+        return made
+
+    def _make(self, calibration: Calibration | None) -> Reconstructor:
+        return Reconstructor(self.sensor, calibration, self._settings, self._next_id)
+
+    def _replace(self, reconstructor: Reconstructor) -> None:
+        """Use another reconstructor from the next scan on; the lock is held."""
+        self._reconstructor, self._result = reconstructor, None
+        self._direct.close()
+        if self._diagnostics is not None:
+            self._diagnostics.forget()
 
     def _prepare(self, parameters: Mapping[str, Any]) -> Callable[[], object]:
         """Return what applies changed parameters between two scans; raise ConfigError if they do not fit."""
