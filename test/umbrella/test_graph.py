@@ -346,6 +346,15 @@ def test_what_an_argument_overrides_in_any_case_is_refused_in_a_parameter_file(t
         nodes(str(path))
 
 
+def test_what_bring_up_alone_sets_is_refused_in_a_parameter_file(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text("/**/model_node:\n  ros__parameters: {direct: true}\n", encoding="utf-8")
+    with pytest.raises(
+        ConfigError, match=r"direct: use the argument composed:=true, which sets it; without it the model"
+    ):
+        nodes(str(path), "composed:=false")
+
+
 @pytest.mark.parametrize("rule", ["seed:=7", "sim_board_node:seed:=7", "/**:seed:=7", "scene:=hold", "frame_id:=palm"])
 @pytest.mark.parametrize("option", ["-p", "--param"])
 def test_what_an_argument_overrides_in_any_case_is_refused_as_a_ros_argument(

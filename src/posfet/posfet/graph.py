@@ -25,6 +25,7 @@ from posfet_model.parameters import (
     AUTOSTART,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
+    DIRECT,
     FRAME_ID,
     MAX_RELATIVE,
     MODEL_NODE,
@@ -184,6 +185,8 @@ def _argument_for(key: str) -> str:
     """Return what to do in place of setting a parameter that arguments override in any case; '' for any other."""
     if key == FRAME_ID.name:
         return "use the argument frame_id:=<name>: all nodes have the same frame"
+    if key == DIRECT.name:
+        return "use the argument composed:=true, which sets it; without it the model would get no scans"
     return f"use the argument {key}:=<value>, from which the nodes get it" if key in ALWAYS_GIVEN else ""
 
 

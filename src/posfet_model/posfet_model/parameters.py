@@ -286,6 +286,9 @@ DISPLAY_RATE: Final = Parameter(
 )
 TUNING: Final = (CONTACT_THRESHOLD, RELEASE_THRESHOLD, TOUCH_AT_START, HUM_REMOVAL, DISPLAY_RATE)
 """Parameters of the model that may change while it runs, besides `max_relative_uncertainty`."""
+DIRECT: Final = Parameter(
+    "direct", False, "Receive scans within the process instead of subscribing to `raw`; set by composed bring-up"
+)
 SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signals come from a simulated board")
 
 MODEL_NODE: Final = (
@@ -303,11 +306,7 @@ MODEL_NODE: Final = (
         True,
         "Serialise contacts in the node, which is faster; false: leave it to the middleware",
     ),
-    Parameter(
-        "direct",
-        False,
-        "Receive scans within the process instead of subscribing to `raw`; set by composed bring-up",
-    ),
+    DIRECT,
 )
 
 
