@@ -193,3 +193,12 @@ def test_the_exit_code_says_whether_something_is_wrong(
     findings.append(Finding(BAD, "broken", "mend"))
     assert doctor.main([]) == 1
     assert capsys.readouterr().out.endswith("  BAD  broken: mend\n1 problem\n")
+
+
+def test_a_calibration_folder_that_cannot_be_written_is_bad(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert BAD not in {finding.level for finding in found(doctor.folders)}
+    (tmp_path / ".ros").touch()
+    bad, _ = found(doctor.folders)
+    why = f"{tmp_path}/.ros/posfet: the calibration folder cannot be written: {tmp_path}/.ros is not a folder"
+    assert bad == Finding(BAD, why, "set calibration_folder:=<folder of yours>")
