@@ -63,6 +63,21 @@ def test_the_conductances_are_the_derivatives_of_the_current(gate: float, drain:
         assert float(found) == pytest.approx(slope, abs=3e-9)
 
 
+def test_the_junction_from_body_to_drain_conducts_as_in_spice() -> None:
+    """1e-14 A at 27 degC: k*T/q is 25.865 mV; above 0.75 V a straight line, so that no current overflows."""
+
+    def current(drain: float, polarity: float = 1.0) -> float:
+        parts = (np.array(x) for x in (polarity, 1e-3, 0.7, 0.05, polarity * -9.0, polarity * drain))
+        return float(linearise(*parts).current)
+
+    for volts in (0.1, 0.4, 0.6, 0.74):
+        wanted = 1e-14 * math.expm1(volts * 1.602176634e-19 / (1.380649e-23 * 300.15))
+        assert current(-volts) == pytest.approx(-wanted, rel=1e-4)
+        assert current(-volts, -1.0) == pytest.approx(wanted, rel=1e-4)
+    assert current(5.0) == current(0.0) == 0
+    assert 2 * current(-2.0) == pytest.approx(current(-1.0) + current(-3.0), rel=1e-12)
+
+
 def test_the_gate_capacitance_is_meyers() -> None:
     def split(gate: float, drain: float) -> tuple[float, float]:
         source, far = gate_capacitances(ONE, 3 * ONE, 0.7 * ONE, np.array(gate), np.array(drain))

@@ -22,6 +22,7 @@ from posfet_model.amplifier.one_stage import CIRCUIT_C, one_stage_figures
 from posfet_model.amplifier.operating_point import OpAmpFigures
 from posfet_model.amplifier.slew_identification import one_stage_model, slew_model, two_stage_model
 from posfet_model.amplifier.two_stage import AmplifierBias, AmplifierDesign, figures_of_merit
+from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.device import paper
 from posfet_model.device.transistor import Stack
 from posfet_model.spice import ngspice, reference_runs
@@ -100,6 +101,21 @@ STEPS = {
 }
 FALLING_B = {"from 1 to 0 V": 2.4, "from 0 to -1 V": 10.0}
 """Its output stage cannot sink the current of Cc; the fall is steeper than `falling_slew_rate`, so it is flagged."""
+
+
+@pytest.mark.spice
+@needs_ngspice
+def test_an_edge_that_drives_the_pair_backwards_is_that_of_ngspice() -> None:
+    """The body's junction of the side that is switched off conducts; without it the output is 0.35 V off."""
+    design = PosfetDesign(stages=1, reference_current=3e-6)
+    assert design.reasons == []
+    edge = 0.015 / float(design.amplifier.gain_bandwidth)
+    end = edge + 4.4 / float(design.amplifier.slew_rate)
+    source = ngspice.piecewise_linear([0, edge, end], [-0.5, 1.5, 1.5])
+    run = ngspice.run_follower(design.netlist(), source, end, end / 8000)
+    time = np.r_[0.0, edge, np.linspace(2 * edge, end, 60)]
+    found = design.follower().run(time, np.interp(time, [0, edge], [-0.5, 1.5])).v_out
+    assert np.abs(found - np.interp(time, run.time, run.v_out)).max() < 1e-3
 
 
 @pytest.mark.spice

@@ -12,7 +12,8 @@
 source and drain exchanged where Vds < 0. The gate capacitance of an area C = W*L*Cox splits by Meyer: 2/3*C to the
 source in saturation, half and half towards Vds = 0, to the bulk in cut-off. Sources: H. Shichman, D. A. Hodges, IEEE J.
 Solid-State Circuits 3 (1968) 285, doi:10.1109/JSSC.1968.1049902; J. E. Meyer, RCA Review 32 (1971) 42. Bodies are tied
-to sources, so the bulk's part counts to the source. Functions here are internal and unchecked.
+to sources, so the bulk's part counts to the source, and the junction from body to drain conducts where Vds is below
+some -0.5 V, as on the side of the pair that a steep edge switches off. Functions here are internal and unchecked.
 """
 
 from __future__ import annotations
@@ -26,6 +27,15 @@ from posfet_model._lib.types import Array, Mask
 
 SURFACE_POTENTIAL: Final = 0.6
 """PHI of SPICE level 1 [V]: width below threshold over which the gate's capacitance moves from channel to bulk."""
+
+SATURATION_CURRENT: Final = 1e-14
+"""IS of SPICE level 1 [A]: of the junction from the body, which is the source, to the drain."""
+
+THERMAL_VOLTAGE: Final = 0.0258649
+"""k*T/q at 27 degC, the temperature of SPICE [V]."""
+
+_STEEPEST: Final = 0.75
+"""Forward voltage of a junction beyond which its current goes on as a straight line [V]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +82,20 @@ def linearise(
     gm = factor * channel
     gds = factor * (overdrive - channel) + beta * modulation * core
     sign = np.where(swapped, -polarity, polarity)
+    through, slope = _junction(np.where(swapped, across, 0.0)) if swapped.any() else (0.0, 0.0)
     return Linearised(
-        current=sign * current,
+        current=sign * current - polarity * through,
         transconductance=np.where(swapped, -gm, gm),
-        output_conductance=np.where(swapped, gm + gds, gds),
+        output_conductance=np.where(swapped, gm + gds, gds) + slope,
     )
+
+
+def _junction(forward: Array) -> tuple[Array, Array]:
+    """Return the current from the body to the drain [A] at a forward voltage [V], 0 at least, and its slope [S]."""
+    share = np.minimum(forward, _STEEPEST) / THERMAL_VOLTAGE
+    slope = np.where(forward > 0, SATURATION_CURRENT / THERMAL_VOLTAGE * np.exp(share), 0.0)
+    current = SATURATION_CURRENT * np.expm1(share) + slope * np.maximum(forward - _STEEPEST, 0.0)
+    return current, slope
 
 
 def gate_capacitances(polarity: Array, area: Array, threshold: Array, gate: Array, drain: Array) -> tuple[Array, Array]:

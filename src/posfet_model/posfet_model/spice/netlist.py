@@ -56,7 +56,8 @@ def subcircuit(circuit: Circuit) -> str:
     """Return the netlist of an op-amp: ``.subckt opamp plus minus out`` with its own supplies and load.
 
     The gates of M1 and M2 act through film and oxide in series, written as the thickness of an oxide of the same
-    capacitance. There are no overlap or junction capacitances.
+    capacitance. There are no overlap or junction capacitances; the junctions
+    are SPICE's own, of 1e-14 A.
 
     Parameters
     ----------
