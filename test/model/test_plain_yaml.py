@@ -30,6 +30,7 @@ from support.paths import ROOT
         ("{a: {b: [{c: 'x y'}]}, d: }", {"a": {"b": [{"c": "x y"}]}, "d": None}),
         ("a: yes\nb: ~\nc: 'no'\n", {"a": True, "b": None, "c": "no"}),
         ("a: 1:30\n", {"a": 90}),
+        ("a: [0, -0, 0.5, 012.5, 08 um, '012']\n", {"a": [0, 0, 0.5, 12.5, "08 um", "012"]}),
         ("date: 2026-01-31\ntime: 2026-99-31 12:00:00\n", {"date": "2026-01-31", "time": "2026-99-31 12:00:00"}),
         ("a: |\n  two\n  lines\n", {"a": "two\nlines\n"}),
     ],
@@ -57,6 +58,16 @@ def test_the_shipped_files_mean_what_they_mean_elsewhere() -> None:
         ("a: " + "9" * 5000, "a number of more than 100 characters (line 1, column 4)"),
         ("a: 1" + ":59" * 2000, "a number of more than 100 characters (line 1, column 4)"),
         ("a: 1" + ":59" * 2000 + ".5", "a number of more than 100 characters (line 1, column 4)"),
+        (
+            "film_permittivity: 012\n",
+            "a leading zero: '012' is a number in base 8 to some and in base 10 to others; "
+            "write it without the zero, or a text in quotes (line 1, column 20)",
+        ),
+        (
+            "a: -0_7\n",
+            "a leading zero: '-0_7' is a number in base 8 to some and in base 10 to others; "
+            "write it without the zero, or a text in quotes (line 1, column 4)",
+        ),
         ("a: 0x_\n", "'0x_' is not a number (line 1, column 4)"),
         ("a: [" * 100_000, f"nested more than {MAX_DEPTH} times"),
         ("[" * 100_000, f"nested more than {MAX_DEPTH} times (line 1, column {MAX_DEPTH + 1})"),

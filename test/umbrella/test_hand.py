@@ -74,7 +74,8 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
         ("sensors: [{name: a, namespace: b}]", "sensors[0].namespace: unknown key"),
         ("sensors: [{name: a, source: usb}]", "sensors[0]: 'a': source: must be one of sim, can, emulator"),
         ("sensors: [{name: a, mount: [1, 2]}]", "sensors[0].mount: must be text, got [1, 2] without quotes"),
-        ("sensors: [{name: a, serial: 0712}]", "sensors[0].serial: must be text, got 458 without quotes"),
+        ("sensors: [{name: a, serial: 712}]", "sensors[0].serial: must be text, got 712 without quotes"),
+        ("sensors: [{name: a, serial: 0712}]", "write it without the zero, or a text in quotes"),
         ("sensors: [{name: a, scene: on}]", "sensors[0].scene: must be text, got True without quotes"),
         (
             "sensors: [{name: a, frame_id: no}]",

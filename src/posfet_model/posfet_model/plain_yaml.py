@@ -13,6 +13,7 @@ values are limited, and so is the length of a number. Dates are texts.
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 
 import yaml
@@ -35,6 +36,9 @@ BYTES_PER_VALUE: Final = 3
 """A text may have one value in so many characters; the files of the stack need 8 and more."""
 
 _TIMESTAMP: Final = "tag:yaml.org,2002:timestamp"
+
+_LEADING_ZERO: Final = re.compile(r"[-+]?0[0-9_]+")
+"""Whole numbers that YAML 1.1 reads in base 8 and YAML 1.2 in base 10."""
 
 
 class YamlError(ValueError):
@@ -107,6 +111,12 @@ class _Loader(Composer, _Parser, SafeConstructor, Resolver):  # type: ignore[mis
         if len(node.value) > MAX_DIGITS:
             raise _error(f"a number of more than {MAX_DIGITS} characters", node)
         whole = node.tag.endswith("int")
+        if whole and _LEADING_ZERO.fullmatch(node.value):
+            raise _error(
+                f"a leading zero: '{node.value}' is a number in base 8 to some and in base 10 to others; "
+                "write it without the zero, or a text in quotes",
+                node,
+            )
         try:
             return self.construct_yaml_int(node) if whole else self.construct_yaml_float(node)
         except (ValueError, OverflowError):  # 0o8, or base 60 beyond the largest number
@@ -129,7 +139,7 @@ def parse(text: str) -> object:
     ------
     YamlError
         It is not valid YAML, or has an anchor, an alias, a tag, a key that is no text or is given twice, too deep
-        nesting, too many values, or too long a number.
+        nesting, too many values, too long a number, or a whole one with a leading zero.
     """
     try:
         loader = _Loader(text)

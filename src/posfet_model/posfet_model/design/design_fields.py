@@ -88,7 +88,7 @@ class DesignFields(Taxel):
     flicker_constant: Values = quantity(paper.FLICKER_CONSTANT, 0, 1e-15)
     """1/f noise of the process, K*W*L*Cox [V2 F]."""
     temperature: Values = quantity(paper.TEMPERATURE, 100, 600)
-    """Temperature of the chip [K]."""
+    """Temperature of the chip [K], of which only the noise is calculated; all other numbers are those at it."""
     adc_bits: Values = quantity(readout.ADC_BITS, 1, 32)
     """Resolution of the ADC [bit]."""
     adc_low: Values = quantity(readout.ADC_LOW, 0, 1e3, signed=True)
