@@ -261,6 +261,14 @@ def test_a_mode_that_is_slow_but_hardly_there_hides_neither_overshoot_nor_settli
     assert behind.reasons == none.reasons != []
 
 
+def test_a_netlist_that_cannot_be_written_is_refused_by_the_names_of_the_design() -> None:
+    depleted = PosfetDesign(uncompensated_fraction=1.0, film_thickness=10e-6)
+    with pytest.raises(ValueError, match=r"^uncompensated_fraction must move .* by at most 100 V .* got -1411\.76 V$"):
+        depleted.netlist()
+    with pytest.raises(ValueError, match=r"^film_area must give .* got 4\.25\d*e\+09 F/m2$"):
+        PosfetDesign(film_area=1e-2, gate_width=1e-8, gate_length=1e-8).netlist()
+
+
 def test_a_design_that_cannot_work_has_a_report_all_the_same() -> None:
     cut_off = PosfetDesign(reference_current=0.1, supply=0.5)
     assert not cut_off.valid

@@ -29,6 +29,9 @@ HOLE_MOBILITY: Final = 283e-4
 MIN_OUTPUT_CURRENT: Final = 0.05
 """Minimum current of M7 relative to that at rest [1], assumed: in ngspice circuit B oscillates at 2 %."""
 
+LARGEST_SHIFT: Final = 100.0
+"""Largest accepted difference between the threshold of M1 and M2 and that of the other transistors [V]."""
+
 _NAMES: Final = ("M1", "M2", "M3", "M4", "M5", "M6", "M7", "M8")
 _PAIRS: Final = (("M1", "M2"), ("M3", "M4"))
 _ITERATIONS: Final = 200
@@ -61,7 +64,7 @@ class AmplifierDesign:
         instance("stack", self.stack, Stack)
         real_number("electron_mobility", self.electron_mobility, 1e-9, 100)
         real_number("hole_mobility", self.hole_mobility, 1e-9, 100)
-        real_number("pair_threshold_shift", self.pair_threshold_shift, -100, 100)
+        real_number("pair_threshold_shift", self.pair_threshold_shift, -LARGEST_SHIFT, LARGEST_SHIFT)
 
     def size(self, name: str) -> TransistorSize:
         """Return the size of a transistor by its name; unchecked."""

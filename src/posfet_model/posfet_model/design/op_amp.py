@@ -13,11 +13,11 @@ import numpy as np
 
 from posfet_model._lib.types import Array
 from posfet_model.amplifier.circuit import AmplifierCircuit
-from posfet_model.amplifier.operating_point import AmplifierBias, AmplifierDesign
+from posfet_model.amplifier.operating_point import LARGEST_SHIFT, AmplifierBias, AmplifierDesign
 from posfet_model.design.design_fields import PARTS, DesignFields
 from posfet_model.device.paper import TransistorSize
 from posfet_model.device.taxel_fields import Values
-from posfet_model.device.transistor import Stack
+from posfet_model.device.transistor import CAPACITANCE_RANGE, Stack
 from posfet_model.spice.circuits import Circuit
 
 
@@ -57,8 +57,20 @@ def named_circuit(design: DesignFields, name: str) -> Circuit:
     Raises
     ------
     ValueError
-        The name has other characters than letters, digits and underscores.
+        The name has other characters than letters, digits and underscores, or film and poling are beyond what a
+        netlist can have.
     """
+    shift, film = float(design.threshold - design.threshold_voltage), float(design.film_on_gate)
+    if not abs(shift) <= LARGEST_SHIFT:
+        raise ValueError(
+            f"uncompensated_fraction must move the threshold of M1 and M2 by at most {LARGEST_SHIFT:g} V with this "
+            f"film and poling for a netlist, got {shift:g} V"
+        )
+    if not film <= CAPACITANCE_RANGE[1]:
+        raise ValueError(
+            f"film_area must give a film of at most {CAPACITANCE_RANGE[1]:g} F for each m2 of gate_width*gate_length "
+            f"for a netlist, got {film:g} F/m2"
+        )
     return Circuit(
         name,
         design.stages,
@@ -79,10 +91,10 @@ def named_circuit(design: DesignFields, name: str) -> Circuit:
                 )
                 for m, part in enumerate(PARTS, 1)
             ),
-            stack=Stack(oxide=float(design.oxide_capacitance), film=float(design.film_on_gate)),
+            stack=Stack(oxide=float(design.oxide_capacitance), film=film),
             electron_mobility=float(design.electron_mobility),
             hole_mobility=float(design.hole_mobility),
-            pair_threshold_shift=float(design.threshold - design.threshold_voltage),
+            pair_threshold_shift=shift,
         ),
     )
 

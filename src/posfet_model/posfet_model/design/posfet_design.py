@@ -93,7 +93,8 @@ class PosfetDesign(DesignFigures):
         Raises
         ------
         ValueError
-            The design has arrays (use `at`), or the name has other characters.
+            The design has arrays (use `at`), the name has other characters, or film and poling are beyond what a
+            netlist can have.
         """
         self._require_single()
         return named_circuit(self, name)
