@@ -106,8 +106,7 @@ check-types:
 
 check-cpp:
 	@$(IN_ENVIRONMENT) clang-format --dry-run --Werror $$(find $(core)/src $(core)/include $(core)/fuzz -name '*.[ch]pp') && \
-	find $(core)/src -name '*.cpp' | xargs -P "$$(nproc)" -I FILE clang-tidy --quiet FILE -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
-		$$(python3 -c 'import pybind11; print("-isystem", pybind11.get_include())' 2>/dev/null)
+	tools/tidy.sh
 
 # The interpreter is not built for it: the library of the sanitizer is loaded first, and its own leaks are no concern.
 sanitize: $(BUILT)

@@ -23,7 +23,7 @@ namespace {
 /// Blocks of 2^5 = 32 bytes to 2^20, one MiB; larger ones come from the system.
 constexpr std::size_t kSmallest = 32;
 constexpr std::size_t kSizes = 16;
-constexpr std::size_t kLargest = kSmallest << (kSizes - 1);
+constexpr std::size_t kLargestSize = kSmallest << (kSizes - 1);
 
 /// Smaller blocks are taken from the system so many bytes at once: the greatest number in use keeps growing for long,
 /// always more slowly, and the end of a block of scans would allocate long after the first touches.
@@ -77,7 +77,7 @@ Blocks* blocks() {
   return mine;
 }
 
-/// The place of the list of the least size that holds some bytes, at most `kLargest`.
+/// The place of the list of the least size that holds some bytes, at most `kLargestSize`.
 std::size_t index_of(std::size_t bytes) {
   std::size_t index = 0;
   while ((kSmallest << index) < bytes) {
@@ -89,7 +89,7 @@ std::size_t index_of(std::size_t bytes) {
 }  // namespace
 
 void* take_block(std::size_t bytes) {
-  if (bytes > kLargest) {
+  if (bytes > kLargestSize) {
     return ::operator new(bytes);
   }
   const std::size_t index = index_of(bytes);
@@ -110,7 +110,7 @@ void* take_block(std::size_t bytes) {
 }
 
 void give_block(void* block, std::size_t bytes) noexcept {
-  Blocks* const kept = bytes > kLargest ? nullptr : blocks();
+  Blocks* const kept = bytes > kLargestSize ? nullptr : blocks();
   if (kept == nullptr) {
     ::operator delete(block);
     return;

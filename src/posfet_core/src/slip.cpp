@@ -18,7 +18,7 @@ namespace posfet {
 namespace {
 
 /// Least force of a contact by which another number is divided [N].
-constexpr double kLeastForce = 1e-9;
+constexpr double kLeastTotal = 1e-9;
 
 /// Sums of some values over the taxels of a contact: of the values, and of their products with x and y.
 struct Plane {
@@ -92,7 +92,7 @@ const Motions& DynamicChannel::update(const Vector<Contact>& contacts, const dou
 void DynamicChannel::update_motion(Motion& motion, const Region& region, const double* force, double step) const {
   const Plane fast = plane(grid_, region.taxels, high_passed_.data());
   const Plane slow = plane(grid_, region.taxels, force);
-  const double total = slow.sum > kLeastForce ? slow.sum : kLeastForce;
+  const double total = slow.sum > kLeastTotal ? slow.sum : kLeastTotal;
   motion.power += -std::expm1(-step / kPowerTimeConstant) * (fast.sum * fast.sum - motion.power);
   // The centre is that of these taxels alone, not the contact's centre of pressure.
   const double share = fast.sum / total;

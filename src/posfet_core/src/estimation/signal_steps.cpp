@@ -21,7 +21,7 @@ namespace {
 constexpr double kJump = 4.0;
 
 /// Change of slope that a step makes from which on it can be told from none [deviation].
-constexpr double kBend = 3.0;
+constexpr double kClearBend = 3.0;
 
 /// Part by which the change of slope may differ from that which a step makes [1].
 constexpr double kMatch = 0.5;
@@ -96,7 +96,7 @@ void find_signal_steps(const StepWindow& window, const std::vector<double>& time
     }
     const double expected = jump / time_constant[taxel];
     const bool matches = std::abs(second.slope - first.slope - expected) < kMatch * std::abs(expected);
-    if (matches && square(expected) > square(kBend) * of_slope * noise) {
+    if (matches && square(expected) > square(kClearBend) * of_slope * noise) {
       step[taxel] = jump;
     }
   }

@@ -9,14 +9,9 @@
 
 #include <algorithm>
 
+#include "posfet_core/protocol/integers.hpp"
+
 namespace posfet::protocol {
-
-namespace {
-
-/// Nanoseconds of a second.
-constexpr double kNanoseconds = 1e9;
-
-}  // namespace
 
 BoardDecoder::BoardDecoder(const ScanFormat& format, std::uint32_t base)
     : base_(base), assembler_(format), fd_(assembler_, sync_), classic_(assembler_, sync_) {}

@@ -10,15 +10,10 @@
 #include <algorithm>
 #include <limits>
 
+#include "posfet_core/protocol/integers.hpp"
 #include "posfet_core/protocol/power_ons.hpp"
 
 namespace posfet::protocol {
-
-namespace {
-
-constexpr double kNanoseconds = 1e9;
-
-}  // namespace
 
 MappedDecoder::MappedDecoder(const MappedTables& tables)
     : tables_(tables),

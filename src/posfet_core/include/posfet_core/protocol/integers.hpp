@@ -20,6 +20,9 @@ __extension__ typedef __int128 Wide;  // NOLINT(modernize-use-using): the mark o
 /// A time that never comes [ns], and whose negative is before all others: beyond any of 64 bits.
 constexpr Wide kNever = Wide{std::numeric_limits<std::int64_t>::max()} + 1;
 
+/// Nanoseconds of a second.
+constexpr double kNanoseconds = 1e9;
+
 /// Magnitude below which a number is converted; no time comes near it.
 constexpr double kLargest = 1e33;
 
