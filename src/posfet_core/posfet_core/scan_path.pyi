@@ -777,7 +777,19 @@ class SteadyForce:
 
 STEP_HALF: Final[int]
 
-def recurrence(decay: ArrayLike, change: ArrayLike) -> NDArray[np.float64]: ...
+def high_pass(time: ArrayLike, source: ArrayLike, time_constant: float) -> NDArray[np.float64]: ...
+def low_pass(time: ArrayLike, source: ArrayLike, time_constant: float) -> NDArray[np.float64]: ...
+def play_distance(force: ArrayLike, half_width: float) -> NDArray[np.float64]: ...
+def fit_columns(
+    time: ArrayLike,
+    source: ArrayLike,
+    time_constant: float,
+    coefficients: ArrayLike,
+    start: float,
+    first_signal: int,
+    end_of_signals: int,
+    block: int,
+) -> NDArray[np.float64]: ...
 def signal_steps(
     time: ArrayLike, force: ArrayLike, noise: ArrayLike, time_constant: ArrayLike
 ) -> NDArray[np.float64]: ...

@@ -13,12 +13,14 @@
 #include <cstdint>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "posfet_core/bursts.hpp"
 #include "posfet_core/count_history.hpp"
 #include "posfet_core/crosstalk.hpp"
 #include "posfet_core/force_integration.hpp"
+#include "posfet_core/leaky_response.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/scan_clock.hpp"
 #include "posfet_core/skin_response.hpp"
@@ -132,28 +134,70 @@ void bind_bursts(const py::module_& module) {
   module.attr("MOST_IN_A_ROW") = kMostInARow;
 }
 
-py::array_t<double> recurrence(const Values& decay, const Values& change) {
-  if (decay.ndim() != 1 || change.ndim() != 2 || change.shape(0) != decay.size()) {
-    throw std::invalid_argument("change must have two dimensions, and a row for each value of decay");
-  }
-  const py::ssize_t steps = change.shape(0);
-  const py::ssize_t columns = change.shape(1);
-  py::array_t<double> states({steps + 1, columns});
-  double* state = states.mutable_data();
-  const double* added = change.data();
-  std::fill(state, state + columns, 0.0);
-  for (py::ssize_t step = 0; step < steps; ++step, state += columns, added += columns) {
-    const double kept = decay.data()[step];
-    for (py::ssize_t column = 0; column < columns; ++column) {
-      state[columns + column] = kept * state[column] + added[column];
-    }
-  }
-  return states;
+/// An array of the shape of another one.
+py::array_t<double> like(const Values& other) {
+  return py::array_t<double>(std::vector<py::ssize_t>(other.shape(), other.shape() + other.ndim()));
 }
 
-void bind_recurrence(py::module_& module) {
-  module.def("recurrence", &recurrence, py::arg("decay"), py::arg("change"),
-             "Return the states x of x[k + 1] = decay[k]*x[k] + change[k], from x[0] = 0.");
+/// The number of rows; throws ValueError where there is none.
+std::size_t rows_of(const Values& values, const char* name) {
+  if (values.ndim() == 0 || values.shape(0) == 0) {
+    throw std::invalid_argument(std::string(name) + " must have a row or more");
+  }
+  return static_cast<std::size_t>(values.shape(0));
+}
+
+Course course_of(const Values& time, const Values& source) {
+  const std::size_t scans = rows_of(source, "source");
+  if (time.ndim() != 1 || time.size() != source.shape(0)) {
+    throw std::invalid_argument("time must have one dimension, and a value for each row of source");
+  }
+  return {time.data(), source.data(), scans, static_cast<std::size_t>(source.size()) / scans};
+}
+
+template <void (*Pass)(const Course&, double, double*)>
+py::array_t<double> passed(const Values& time, const Values& source, double time_constant) {
+  const Course course = course_of(time, source);
+  py::array_t<double> response = like(source);
+  Pass(course, time_constant, response.mutable_data());
+  return response;
+}
+
+py::array_t<double> distance_of(const Values& force, double half_width) {
+  const std::size_t scans = rows_of(force, "force");
+  py::array_t<double> distance = like(force);
+  play_distance(force.data(), scans, static_cast<std::size_t>(force.size()) / scans, half_width,
+                distance.mutable_data());
+  return distance;
+}
+
+py::array_t<double> means_of_fit(const Values& time, const Values& source, double time_constant,
+                                 const Values& coefficients, double start, std::size_t first_signal,
+                                 std::size_t end_of_signals, std::size_t block) {
+  const Course course = course_of(time, source);
+  if (source.ndim() != 2 || coefficients.ndim() != 1 || coefficients.size() != source.shape(1)) {
+    throw std::invalid_argument("source must have two dimensions, and a column for each coefficient");
+  }
+  if (block == 0) {
+    throw std::invalid_argument("block must be 1 or more");
+  }
+  py::array_t<double> means(
+      {static_cast<py::ssize_t>(course.scans / block), static_cast<py::ssize_t>(course.columns + 2)});
+  fit_columns(course, {time_constant, coefficients.data(), start, first_signal, end_of_signals}, block,
+              means.mutable_data());
+  return means;
+}
+
+void bind_leaky_response(py::module_& module) {
+  module.def("high_pass", &passed<high_pass>, py::arg("time"), py::arg("source"), py::arg("time_constant"),
+             "Return what leakage leaves of sources, from no charge at the first scan.");
+  module.def("low_pass", &passed<low_pass>, py::arg("time"), py::arg("source"), py::arg("time_constant"),
+             "Return first-order lags behind sources, from 0 at the first scan.");
+  module.def("play_distance", &distance_of, py::arg("force"), py::arg("half_width"),
+             "Return the distances of forces from their play operators, which begin at 0.");
+  module.def("fit_columns", &means_of_fit, py::arg("time"), py::arg("source"), py::arg("time_constant"),
+             py::arg("coefficients"), py::arg("start"), py::arg("first_signal"), py::arg("end_of_signals"),
+             py::arg("block"), "Return the means of blocks of responses, derivative by the leakage rate, and decay.");
 }
 
 /// A writable view of one of the values that each taxel holds.
@@ -359,7 +403,7 @@ void bind_scan_parts(py::module_& module) {
   bind_thermometers(module);
   bind_integration(module);
   bind_history(module);
-  bind_recurrence(module);
+  bind_leaky_response(module);
 }
 
 }  // namespace posfet

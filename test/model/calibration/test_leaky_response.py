@@ -11,25 +11,63 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from posfet_core import scan_path
+from posfet_model._lib.types import Array
 from posfet_model.calibration.leaky_response import high_pass
+from reference import leaky_response
 
 
-def test_the_recurrence_is_that_of_its_definition() -> None:
-    rng = np.random.default_rng(1)
-    decay, change = rng.uniform(0.0, 1.0, 50), rng.standard_normal((50, 3))
-    expected = np.zeros((51, 3))
-    for step in range(50):
-        expected[step + 1] = decay[step] * expected[step] + change[step]
-    np.testing.assert_array_equal(scan_path.recurrence(decay, change), expected)
+@pytest.fixture
+def time() -> Array:
+    """Return times that are not evenly spaced, with a gap and a repeated one [s]."""
+    steps = np.random.default_rng(1).uniform(2e-3, 6e-3, 500)
+    steps[200], steps[300] = 3.0, 0.0
+    return np.cumsum(steps)
 
 
-@pytest.mark.parametrize("change", [np.zeros(3), np.zeros((2, 1))])
-def test_a_change_without_a_row_for_each_step_is_refused(change: NDArray[np.float64]) -> None:
-    with pytest.raises(ValueError, match="a row for each value of decay"):
-        scan_path.recurrence(np.zeros(3), change)
+@pytest.fixture
+def source(time: Array) -> Array:
+    return np.random.default_rng(2).standard_normal((len(time), 5)).cumsum(axis=0)
+
+
+@pytest.mark.parametrize("name", ["high_pass", "low_pass"])
+@pytest.mark.parametrize("time_constant", [1e-3, 0.26, 1e5])
+def test_the_response_is_that_of_the_reference(name: str, time_constant: float, time: Array, source: Array) -> None:
+    compiled, expected = getattr(scan_path, name), getattr(leaky_response, name)
+    whole = expected(time, source, time_constant)
+    np.testing.assert_allclose(compiled(time, source, time_constant), whole, rtol=0, atol=1e-12 * np.abs(source).max())
+    np.testing.assert_array_equal(
+        compiled(time, source[:, 0], time_constant), compiled(time, source, time_constant)[:, 0]
+    )
+
+
+def test_the_distance_from_a_play_operator_is_that_of_the_reference(source: Array) -> None:
+    np.testing.assert_array_equal(scan_path.play_distance(source, 1.5), leaky_response.play_distance(source, 1.5))
+
+
+@pytest.mark.parametrize(("first_signal", "end_of_signals"), [(5, 5), (2, 4)])
+@pytest.mark.parametrize("block", [1, 7, 500])
+def test_columns_of_a_fit_are_those_of_the_reference(
+    first_signal: int, end_of_signals: int, block: int, time: Array, source: Array
+) -> None:
+    given = 0.26, np.array([1.0, -0.3, 0.2, 0.1, 2.0]), 0.7, first_signal, end_of_signals, block
+    means = scan_path.fit_columns(time, source, *given)
+    expected = leaky_response.fit_columns(time, source, *given)
+    np.testing.assert_allclose(means, expected, rtol=0, atol=1e-12 * np.abs(source).max())
+
+
+def test_arrays_that_do_not_fit_are_refused(time: Array, source: Array) -> None:
+    with pytest.raises(ValueError, match="a value for each row of source"):
+        scan_path.high_pass(time[1:], source, 0.3)
+    with pytest.raises(ValueError, match="source must have a row or more"):
+        scan_path.low_pass(np.zeros(0), np.zeros((0, 2)), 0.3)
+    with pytest.raises(ValueError, match="force must have a row or more"):
+        scan_path.play_distance(np.zeros((0, 2)), 0.3)
+    with pytest.raises(ValueError, match="a column for each coefficient"):
+        scan_path.fit_columns(time, source, 0.3, np.zeros(4), 0.0, 5, 5, 7)
+    with pytest.raises(ValueError, match="block must be 1 or more"):
+        scan_path.fit_columns(time, source, 0.3, np.zeros(5), 0.0, 5, 5, 0)
 
 
 def test_one_scan_has_no_response() -> None:

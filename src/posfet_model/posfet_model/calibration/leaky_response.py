@@ -13,8 +13,6 @@ Sources are piecewise linear between scans. The charge x of a taxel, as a nomina
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from posfet_core import scan_path
@@ -38,8 +36,7 @@ def high_pass(time: Array, source: Array, time_constant: float) -> Array:
     ndarray
         Response y with ``dy/dt = du/dt - y/tau``, in the unit and shape of the source.
     """
-    ratio = np.diff(time) / time_constant
-    return _recurrence(ratio, np.diff(source, axis=0))
+    return scan_path.high_pass(time, source, time_constant)
 
 
 def low_pass(time: Array, source: Array, time_constant: float) -> Array:
@@ -59,14 +56,10 @@ def low_pass(time: Array, source: Array, time_constant: float) -> Array:
     ndarray
         Response y with ``dy/dt = (u - y)/tau``, in the unit and shape of the source.
     """
-    change = source - source[:1]
     if time_constant <= 0.0:
+        change: Array = source - source[:1]
         return change
-    slow: Array = change - high_pass(time, change, time_constant)
-    if source[0].any():
-        shape = (-1,) + (1,) * (source.ndim - 1)
-        slow += source[:1] * -np.expm1(-(time - time[0]) / time_constant).reshape(shape)
-    return slow
+    return scan_path.low_pass(time, source, time_constant)
 
 
 def compensated(time: Array, signal: Array, time_constant: float) -> Array:
@@ -89,12 +82,6 @@ def compensated(time: Array, signal: Array, time_constant: float) -> Array:
     lost = 0.5 * (signal[1:] + signal[:-1]) * np.diff(time) / time_constant
     whole: Array = signal + np.concatenate([[0.0], np.cumsum(lost)])
     return whole
-
-
-def _recurrence(ratio: Array, change: Array) -> Array:
-    columns = change.shape[1:]
-    passed = change.reshape(len(ratio), math.prod(columns)) * (-np.expm1(-ratio) / np.maximum(ratio, 1e-300))[:, None]
-    return scan_path.recurrence(np.exp(-ratio), passed).reshape(len(ratio) + 1, *columns)
 
 
 def block_means(values: Array, size: int) -> Array:
@@ -132,12 +119,4 @@ def play_distance(force: Array, half_width: float) -> Array:
     ndarray
         [N], shape [scans, taxels].
     """
-    changed = np.flatnonzero(np.concatenate([[True], (np.diff(force, axis=0) != 0.0).any(axis=1)]))
-    play = np.zeros(force.shape[1])
-    plays = np.empty((len(changed), force.shape[1]))
-    for index, now in enumerate(force[changed]):
-        np.maximum(play, now - half_width, out=play)
-        np.minimum(play, now + half_width, out=play)
-        plays[index] = play
-    distance: Array = force - np.repeat(plays, np.diff(np.append(changed, len(force))), axis=0)
-    return distance
+    return scan_path.play_distance(force, half_width)

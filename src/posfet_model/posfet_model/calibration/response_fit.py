@@ -25,12 +25,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
+from posfet_core import scan_path
 from posfet_model._lib.types import Array, Mask
-from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass
+from posfet_model.calibration.leaky_response import block_means
 
 BLOCK: Final = 0.02
 """Scans are averaged over this time [s]: a period of the mains."""
@@ -77,6 +79,21 @@ class Segment:
     """Blocks that are fitted; the others belong to the hold-out set, shape [blocks]."""
     leaking: int | None = None
     """Number of sources that leak; None: all."""
+
+    @cached_property
+    def block(self) -> int:
+        """Number of scans in a block."""
+        return block_size(self.time)
+
+    @cached_property
+    def signal_means(self) -> Array:
+        """Means of the signal [N], shape [blocks]."""
+        return block_means(self.signal, self.block)
+
+    @cached_property
+    def all_sources(self) -> Array:
+        """Sources, then common sources, shape [scans, sources + common]."""
+        return np.hstack([self.sources, self.common_sources])
 
 
 @dataclass(eq=False)
@@ -226,24 +243,19 @@ class _System:
         sources = parts[0].sources.shape[1]
         rows, self._common_rows, self._signal, self._used = [], [], [], []
         for index, part in enumerate(parts):
-            size = block_size(part.time)
-            elapsed = part.time - part.time[0]
-            responses = high_pass(part.time, np.hstack([part.sources, part.common_sources]), tau)
-            if part.leaking is not None:
-                responses[:, part.leaking : sources] = part.sources[:, part.leaking :]
-            decay = np.exp(-elapsed / tau)
-            model = responses[:, :sources] @ at.coefficients + at.starts[index] * decay
-            model += at.gain * (responses[:, sources:] @ common)
-            slope = -tau * low_pass(part.time, model, tau) * with_rate
-            means = block_means(np.column_stack([responses, slope, decay]), size)
+            leaking = sources if part.leaking is None else part.leaking
+            coefficients = np.concatenate([at.coefficients, at.gain * common])
+            means = scan_path.fit_columns(
+                part.time, part.all_sources, tau, coefficients, at.starts[index], leaking, sources, part.block
+            )
             columns = np.zeros((len(means), sources + 1 + 2 * len(parts)))
             columns[:, :sources] = means[:, :sources]
-            columns[:, sources] = means[:, -2]
+            columns[:, sources] = means[:, -2] * with_rate
             columns[:, sources + 1 + 2 * index] = 1.0
             columns[:, sources + 2 + 2 * index] = means[:, -1]
             rows.append(columns)
             self._common_rows.append(at.gain * means[:, sources:-2])
-            self._signal.append(block_means(part.signal, size))
+            self._signal.append(part.signal_means)
             self._used.append(part.fitted)
         self._sources, self._rows = sources, rows
         used = np.concatenate(self._used)
@@ -347,8 +359,9 @@ def correlated_variance(residuals: Array) -> float:
     float
         Variance, in the squared unit of the residuals.
     """
-    largest, count = 0.0, 1
+    largest, count, means = 0.0, 1, residuals
     while count == 1 or count * 8 <= len(residuals):
-        largest = max(largest, count * float((block_means(residuals, count) ** 2).mean()))
-        count *= 2
+        largest = max(largest, count * float(means @ means) / max(len(means), 1))
+        pairs = len(means) // 2
+        count, means = 2 * count, 0.5 * (means[: 2 * pairs : 2] + means[1 : 2 * pairs : 2])
     return largest
