@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -167,6 +168,8 @@ RECOVERING: Final = 1.0
 
 RELEASING: Final = 0.9
 """Share of the greatest force of the last blocks below which the force falls as in a release [1]."""
+DECIDED: Final = 1.5
+"""Blocks from the middle of one, whose force is known, to the end of the next, for which it decides [1]."""
 
 BRIEF: Final = 2.0
 """By how much the film may answer more to a force within a block than to one that lasts, in sizes of its fastest slow
@@ -1619,7 +1622,9 @@ class ForceEstimator:
         if total < -SURPRISING * deviation - self._threshold:
             return False  # no object pulls
         noise = math.sqrt(float(self._noise_variance[counted].sum()))
-        force = greatest if present < RELEASING * greatest else present - GATE * noise  # a release
+        fall = max((before - after for before, after in pairwise(self._recent_force)), default=0.0)
+        least = present - DECIDED * max(fall, 0.0) - GATE * noise
+        force = greatest if present < RELEASING * greatest else least  # a release
         return deviation <= max(self.max_relative_uncertainty * force, LEAST_DEVIATION * self._threshold)
 
     def _total_deviation(self, counted: Mask) -> float:

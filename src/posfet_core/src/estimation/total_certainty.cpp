@@ -19,6 +19,9 @@ namespace {
 /// Share of the greatest force of the last blocks below which the force falls as in a release [1].
 constexpr double kReleasing = 0.9;
 
+/// Blocks from the middle of one, whose force is known, to the end of the next, for which it decides [1].
+constexpr double kDecided = 1.5;
+
 }  // namespace
 
 void TotalCertainty::add(double total) {
@@ -33,8 +36,18 @@ bool TotalCertainty::is_certain(double deviation, double noise, double most) con
   }
   const double greatest = *std::max_element(recent_.begin(), recent_.end());
   const double present = std::abs(total_);
-  const double force = present < kReleasing * greatest ? greatest : present - kGate * noise;
+  const double least = present - kDecided * steepest_fall() - kGate * noise;
+  const double force = present < kReleasing * greatest ? greatest : least;
   return deviation <= std::max(most * force, threshold_);
+}
+
+double TotalCertainty::steepest_fall() const {
+  double fall = 0.0;
+  for (std::size_t block = 1; block < recent_.size(); ++block) {
+    const double before = recent_[(next_ + block - 1) % recent_.size()];
+    fall = std::max(fall, before - recent_[(next_ + block) % recent_.size()]);
+  }
+  return fall;
 }
 
 }  // namespace posfet

@@ -15,8 +15,8 @@
 
 namespace posfet {
 
-/// Compares the deviation of the total force with that force, or with the greatest of the last blocks while it falls: a
-/// release makes the force small before it is found.
+/// Compares the deviation of the total force with the least that the force may be until the end of the next block; in a
+/// release, which makes it small before it is found, with the greatest of the last blocks.
 class TotalCertainty {
 public:
   /// Contact threshold [N].
@@ -33,6 +33,9 @@ public:
   bool is_certain(double deviation, double noise, double most) const;
 
 private:
+  /// By how much the force has fallen at most from one of the last blocks to the next [N].
+  double steepest_fall() const;
+
   double threshold_;
   double total_ = 0.0;
   std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks> recent_{};  ///< Sizes [N].
