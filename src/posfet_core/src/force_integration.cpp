@@ -45,6 +45,10 @@ bool ForceIntegration::State::knows_offsets() const {
   return known;
 }
 
+std::size_t ForceIntegration::State::usable() const {
+  return static_cast<std::size_t>(std::count(ignored.data(), ignored.data() + ignored.size(), false));
+}
+
 LeakageInverse::LeakageInverse(std::vector<double> time_constant, std::vector<double> newton_per_charge)
     : time_constant_(std::move(time_constant)), newton_per_charge_(std::move(newton_per_charge)) {
   if (newton_per_charge_.size() != time_constant_.size() || time_constant_.empty()) {

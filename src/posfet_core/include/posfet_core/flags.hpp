@@ -12,13 +12,15 @@
 #include <cstddef>
 #include <memory>
 
+#include "posfet_core/recycled.hpp"
+
 namespace posfet {
 
-/// A fixed number of flags.
+/// A fixed number of flags, in recycled memory.
 class TaxelFlags {
 public:
   explicit TaxelFlags(std::size_t count = 0, bool value = false)
-      : flags_(std::make_unique<bool[]>(count)), count_(count) {  // NOLINT(modernize-avoid-c-arrays)
+      : flags_(static_cast<bool*>(take_block(count)), Giver{count}), count_(count) {
     std::fill(data(), data() + count, value);
   }
 
@@ -43,8 +45,23 @@ public:
   }
 
 private:
-  std::unique_ptr<bool[]> flags_;  // NOLINT(modernize-avoid-c-arrays)
+  struct Giver {
+    void operator()(bool* flags) const noexcept { give_block(flags, count); }
+    std::size_t count;
+  };
+
+  std::unique_ptr<bool[], Giver> flags_;  // NOLINT(modernize-avoid-c-arrays)
   std::size_t count_;
 };
+
+/// Sum of the values of the taxels marked.
+template <typename Values>
+double sum_where(const TaxelFlags& where, const Values& values) {
+  double sum = 0.0;
+  for (std::size_t taxel = 0; taxel < where.size(); ++taxel) {
+    sum += where[taxel] ? values[taxel] : 0.0;
+  }
+  return sum;
+}
 
 }  // namespace posfet

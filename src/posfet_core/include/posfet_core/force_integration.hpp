@@ -116,6 +116,9 @@ public:
 
     /// Whether all offsets are known of the taxels that are not faulty.
     bool knows_offsets() const;
+
+    /// Number of taxels that are not faulty.
+    std::size_t usable() const;
   };
 
   /// The block so far, and the readings in it.
@@ -148,6 +151,13 @@ public:
   Block& block() { return block_; }
   const Block& block() const { return block_; }
   const IntegrationLimits& limits() const { return limits_; }
+
+  /// Charge of a taxel in the last scan, as the force that would generate it [N].
+  double signal(std::size_t taxel) const { return inverse_.charge()[taxel] * inverse_.newton_per_charge()[taxel]; }
+
+  /// Time constant of the leakage at the temperature of the block [s].
+  double time_constant(std::size_t taxel) const { return inverse_.time_constant()[taxel] / block_.leak; }
+
   Thermometers& thermometers() { return thermometers_; }
 
   /// Process the charge densities [C/m2] of a scan and the readings of the temperature sensors [degC], `step` seconds

@@ -25,9 +25,10 @@ constexpr double kAbsorbedTime = 5.0;
 
 }  // namespace
 
-AbsorbedForce::AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin)
+AbsorbedForce::AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, bool observable)
     : time_constant_(std::move(time_constant)),
       newton_per_kelvin_(std::move(newton_per_kelvin)),
+      observable_(observable),
       error_(time_constant_.size(), 0.0),
       offset_(time_constant_.size(), 0.0),
       untouched_for_(time_constant_.size(), 0.0),
@@ -57,11 +58,11 @@ void AbsorbedForce::follow(const Passage& block, const Belief& belief, double fi
   }
 }
 
-void AbsorbedForce::find(const Belief& belief, const TaxelFlags& untouched) {
+void AbsorbedForce::find(const Belief& belief, const TaxelFlags& touched, const TaxelFlags& ignored) {
   Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
     values_[taxel] = belief.error_of(taxel)[kForceError] - error_[taxel];
-    if (untouched[taxel]) {
+    if (observable_ && !touched[taxel] && !ignored[taxel]) {
       kelvins.push_back(values_[taxel] / newton_per_kelvin_[taxel]);
     }
   }

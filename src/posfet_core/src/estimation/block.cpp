@@ -7,9 +7,17 @@
 
 #include "posfet_core/estimation/block.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace posfet {
+
+namespace {
+
+/// Least time constant of the leakage that is believed, relative to that of the calibration at its temperature [1].
+constexpr double kLeastLeak = 0.5;
+
+}  // namespace
 
 Block::Block(std::size_t taxels, TouchResponse touch)
     : mean(taxels, 0.0),
@@ -24,6 +32,10 @@ Block::Block(std::size_t taxels, TouchResponse touch)
       cooled(taxels, 0.0),
       before(taxels, kSharedStates),
       touch_before(std::move(touch)) {}
+
+TouchResponse::Known known_errors(const Belief& belief, const Passage& block) {
+  return {std::max(1.0 + belief.shared[kLeak], kLeastLeak) / block.leak - 1.0, belief.shared[kWarmth]};
+}
 
 LastBlocks::LastBlocks(std::size_t taxels, const TouchResponse& touch) {
   for (std::size_t place = 0; place <= kLag; ++place) {

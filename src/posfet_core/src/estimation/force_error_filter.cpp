@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
 #include <utility>
 
@@ -203,10 +204,15 @@ void ForceErrorFilter::predicted(const double* response, double* errors) const {
   }
 }
 
+void ForceErrorFilter::forces(const double* measured, const double* response, double* force) const {
+  predicted(response, force);
+  std::transform(measured, measured + belief_->taxels(), force, force, std::minus<>());
+}
+
 void ForceErrorFilter::residuals(const double* measured, const double* response, double* residual) const {
-  predicted(response, residual);
+  forces(measured, response, residual);
   for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
-    residual[taxel] = measured[taxel] - residual[taxel] - belief_->error_of(taxel)[kSmallForce];
+    residual[taxel] -= belief_->error_of(taxel)[kSmallForce];
   }
 }
 

@@ -20,6 +20,7 @@
 #include "force_estimator_constants.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -93,100 +94,55 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
     : array_(checked(std::move(array))),
       priors_(std::move(priors)),
       integration_(make_integration(array_)),
-      dynamics_(priors_, array_.film_lag),
-      filter_(make_belief(taxels(), priors_)),
-      unheated_(std::make_shared<Belief>(taxels(), kSharedStates)),
-      touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
-      unheated_touch_(touch_),
+      state_(integration_->state()),
+      per_kelvin_(integration_->mean_newton_per_kelvin()),
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
+      filter_(make_belief(taxels(), priors_)),
+      propagation_(array_, priors_, uniform_.observable()),
+      residuals_(array_, priors_, per_kelvin_),
+      readings_(priors_.reading),
+      rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
+      lone_drift_(taxels()),
+      touched_forces_(array_, priors_, per_kelvin_),
+      touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
+      unseen_(taxels(), priors_),
+      process_noise_(array_, priors_),
+      hot_film_(Grid(array_.layout), array_.newton_per_kelvin, priors_.warmth_time),
+      surroundings_(Grid(array_.layout)),
+      unheated_(touch_),
       unexplained_(taxels(), array_.threshold),
       release_(taxels()),
-      rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
-      held_forces_(Grid(array_.layout)),
-      lone_drift_(taxels()),
-      thermal_contact_(taxels(), priors_.warmth_time, array_.threshold),
       rest_(taxels(), array_.noise, kOffsetSpread * array_.threshold,
             *std::max_element(array_.time_constant.begin(), array_.time_constant.end())),
       lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
-      surroundings_(Grid(array_.layout)),
-      readings_(priors_.reading),
-      absorbed_(array_.time_constant, array_.newton_per_kelvin),
-      hidden_(array_.newton_per_kelvin, priors_),
-      hot_film_(taxels(), priors_.warmth_time),
-      moved_share_(taxels()),
-      certainty_(array_.threshold),
       blocks_(taxels(), touch_),
-      witnesses_(taxels()),
-      passed_(taxels(), touch_),
-      left_deviation_(taxels(), array_.left_charge),
-      noise_variance_(taxels(), square(array_.noise)) {
-  for (auto* values : {&leaked_, &mean_, &last_mean_, &steady_, &stepped_, &left_force_, &tail_, &touch_force_,
-                       &warmed_, &warmth_, &own_, &measured_, &noise_, &residual_, &untouched_variance_, &deviation_,
-                       &own_deviation_, &leaked_share_, &values_}) {
-    values->assign(taxels(), 0.0);
-  }
-  for (auto* values : {&response_, &unheated_response_, &sensitivity_, &driven_}) {
-    values->assign(taxels() * kSharedStates, 0.0);
-  }
+      witnesses_(taxels(), touch_),
+      absorbed_(array_.time_constant, array_.newton_per_kelvin, uniform_.observable()),
+      hidden_(array_.newton_per_kelvin, priors_),
+      covariance_(array_, integration_),
+      certainty_(array_.threshold),
+      left_charge_(taxels(), array_.left_charge),
+      noise_variance_(taxels(), square(array_.noise)),
+      leaked_(taxels(), 0.0),
+      mean_(taxels(), 0.0),
+      last_mean_(taxels(), 0.0),
+      informative_(taxels()),
+      listed_(taxels()),
+      touched_(taxels()),
+      beside_(taxels()),
+      response_(taxels() * kSharedStates, 0.0),
+      driven_(taxels() * kSharedStates, 0.0) {
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
-  state().rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
-  own_noise_.assign(taxels() * kOwnStates * kOwnStates, 0.0);
-  for (auto* mask :
-       {&informative_, &listed_, &touched_, &beside_, &small_, &judged_, &zeros_, &odd_, &left_, &chosen_}) {
-    *mask = TaxelFlags(taxels());
-  }
+  state_.rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   start_block();
 }
 
 // What the estimates say.
 
-/// Charge of the last scan, as a force [N].
-double ForceEstimator::signal(std::size_t taxel) const {
-  const LeakageInverse& inverse = integration_->inverse();
-  return inverse.charge()[taxel] * inverse.newton_per_charge()[taxel];
-}
-
 /// Offset of a signal [N], with what all have in common.
 double ForceEstimator::offset(std::size_t taxel) const {
   const Belief& b = *belief();
   return b.error_of(taxel)[kOffset] + array_.time_constant[taxel] * b.shared[kDrift];
-}
-
-/// By how much one taxel, or one object, differs in warmth from others [K].
-double ForceEstimator::warmth_difference() const {
-  return priors_.warmth_least + priors_.warmth_spread * std::abs(belief()->shared[kWarmth]);
-}
-
-/// Variance of the warmth of a taxel about the common one, as a force [N2].
-double ForceEstimator::warmth_variance(std::size_t taxel) const {
-  const double warmth = std::abs(belief()->shared[kWarmth]);
-  const double own = warmth_difference() * touch_.warm()[taxel];
-  const double contact = priors_.warmth_contact * warmth * touch_.range()[taxel];
-  return square(array_.newton_per_kelvin[taxel]) * (square(own) + square(contact));
-}
-
-/// Variance of a force at the end of the last block, but for what one object differs from others by [N2]: no evidence
-/// of a motion or a release depends on that.
-double ForceEstimator::whole_variance(std::size_t taxel) const {
-  const double* factor = state().correlated_error.data() + taxel * kCauses;
-  return own_[taxel] + dot(factor, factor, kCauses) - square(factor[kOfObject]);
-}
-
-/// By how much forces beside a contact differ from what they have in common, relative to the decline: as much as that
-/// itself, which is far from its prior where forces do not decline geometrically: beside a pad.
-double ForceEstimator::tail_spread(const Belief& belief) const {
-  return std::max(priors_.tail, std::abs(belief.shared[kTail]));
-}
-
-/// Rate of the film's temperature [K/s].
-double ForceEstimator::film_rate() const {
-  const std::vector<double>& shared = belief()->shared;
-  return array_.film_lag > 0.0 ? (shared[kChip] - shared[kFilm]) / array_.film_lag : shared[kRate];
-}
-
-/// Number of taxels that are not faulty.
-std::size_t ForceEstimator::usable() const {
-  return taxels() - static_cast<std::size_t>(std::count(ignored().data(), ignored().data() + taxels(), true));
 }
 
 /// Whether the last contact ended before the stored blocks, and by so much time [s] `longer` ago. Half a block is
@@ -197,31 +153,31 @@ bool ForceEstimator::has_rested(double longer) const {
 
 void ForceEstimator::block_mean(double* out) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = state().sum[taxel] / integration_->block().scans;
+    out[taxel] = state_.sum[taxel] / integration_->block().scans;
   }
 }
 
 void ForceEstimator::residual_charge(double* out) const {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = signal(taxel) - offset(taxel);
+    out[taxel] = integration_->signal(taxel) - offset(taxel);
   }
 }
 
 void ForceEstimator::force_variance(double* out) const {
-  std::transform(own_.begin(), own_.end(), noise_variance_.begin(), out, std::plus<>());
+  std::transform(noise_variance_.begin(), noise_variance_.end(), covariance_.own().begin(), out, std::plus<>());
 }
 
 void ForceEstimator::variance(double* out) const {
-  std::transform(untouched_variance_.begin(), untouched_variance_.end(), noise_variance_.begin(), out, std::plus<>());
+  std::transform(noise_variance_.begin(), noise_variance_.end(), covariance_.untouched().begin(), out, std::plus<>());
 }
 
 void ForceEstimator::steady_variance(double* out) const {
   variance(out);
   const double warmth = belief()->shared[kWarmth];
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    out[taxel] = std::max(out[taxel] - stepped_[taxel], noise_variance_[taxel]) +
-                 square(array_.newton_per_kelvin[taxel] * warmth *
-                        (touched_[taxel] ? 0.0 : touch_.warm()[taxel] + touch_.range()[taxel]));
+    const double relative = touched_[taxel] ? 0.0 : touch_.warm()[taxel] + touch_.range()[taxel];
+    out[taxel] = std::max(out[taxel] - process_noise_.stepped()[taxel], noise_variance_[taxel]) +
+                 square(array_.newton_per_kelvin[taxel] * warmth * relative);
   }
 }
 
@@ -232,7 +188,7 @@ void ForceEstimator::ignore(const bool* faulty) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     back[taxel] = ignored()[taxel] && !faulty[taxel];
   }
-  state().ignored.set(faulty);
+  state_.ignored.set(faulty);
   restart(back);
 }
 
@@ -250,22 +206,23 @@ void ForceEstimator::tare(bool forced, double* change) {
     change[taxel] = ignored()[taxel] ? 0.0 : -(forced ? force()[taxel] : mean_[taxel]);
     belief()->error_of(taxel)[kForceError] -= change[taxel];
     belief()->own_of(taxel)[own_at(kForceError, kForceError)] += noise_variance_[taxel];
-    state().correction[taxel] -= change[taxel];
-    state().force[taxel] += change[taxel];
-    state().held[taxel] += change[taxel];
+    state_.correction[taxel] -= change[taxel];
+    state_.force[taxel] += change[taxel];
+    state_.held[taxel] += change[taxel];
     absorbed_.shift(taxel, -change[taxel]);
     mean_[taxel] += change[taxel];
-    leaked_[taxel] = state().raw[taxel] - signal(taxel);
+    leaked_[taxel] = state_.raw[taxel] - integration_->signal(taxel);
   }
   forget_blocks();
-  drop_hypothesis();
+  uniform_.close();  // what the other belief would say no longer matters
+  unconfirmed_ = 0.0;
   if (forced) {
     zero_known_ = true;
     unexplained_.reset();
     forget_touch();
     forget_contacts();
     integration_->watch_none();
-    std::fill(state().clipped.begin(), state().clipped.end(), 0.0);
+    std::fill(state_.clipped.begin(), state_.clipped.end(), 0.0);
   }
   start_block();
 }
@@ -286,7 +243,7 @@ void ForceEstimator::forget_touch() {
   const std::vector<double> mean = priors_.mean();
   const SquareMatrix prior = priors_.covariance();
   hot_film_.forget();
-  thermal_contact_.reset();
+  touched_forces_.forget_contact();
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double* response = response_.data() + taxel * kSharedStates;
@@ -314,7 +271,7 @@ void ForceEstimator::forget_touch() {
 void ForceEstimator::start(const double* charge) {
   integration_->inverse().start(charge);
   last_duration_ = kBlock;
-  ForceIntegration::State& s = state();
+  ForceIntegration::State& s = state_;
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
     readings_.start(integration_->block());  // it says what these temperatures are, and nothing else
@@ -324,12 +281,12 @@ void ForceEstimator::start(const double* charge) {
     covariance[kEarlier * kSharedStates + kEarlier] = b.variance(kEarlier);
     filter_.restart_temperature(sensors, mean.data(), covariance.data());
   }
-  std::vector<double>& before = values_;
-  std::vector<double>& remaining = noise_;
+  Vector<double> before(taxels());
+  Vector<double> remaining(taxels());
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_[taxel] = s.raw[taxel] - signal(taxel);
-    const double left = s.offset_known[taxel] ? signal(taxel) - offset(taxel) : 0.0;
+    leaked_[taxel] = s.raw[taxel] - integration_->signal(taxel);
+    const double left = s.offset_known[taxel] ? integration_->signal(taxel) - offset(taxel) : 0.0;
     before[taxel] = s.ignored[taxel] ? 0.0 : s.force[taxel];
     remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
     s.held[taxel] = s.force[taxel] = std::max(left, 0.0);
@@ -337,54 +294,46 @@ void ForceEstimator::start(const double* charge) {
     s.clipped[taxel] = 0.0;
     b.reset_force_error(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
                         noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
-    leaked_share_[taxel] = -0.5 * last_duration_ / present_time_constant(taxel);
-    driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
   lower_bound_.start(before.data(), remaining.data());
   std::fill(last_mean_.begin(), last_mean_.end(), kUnknown);
   hot_film_.interrupt();
-  b.integrate(leaked_share_.data(), driven_.data());
+  go_back_half(TaxelFlags(taxels(), true));
+  Vector<double> signals(taxels());
+  TaxelFlags unknown(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     absorbed_.restart(taxel, b);
-    values_[taxel] = signal(taxel);
-    chosen_[taxel] = !s.offset_known[taxel];
+    signals[taxel] = integration_->signal(taxel);
+    unknown[taxel] = !s.offset_known[taxel];
   }
   forget_blocks();
-  drop_hypothesis();
+  uniform_.close();
+  unconfirmed_ = 0.0;
   certainty_.start();
   unexplained_.reset();
   release_.restart();
-  thermal_contact_.reset();
+  touched_forces_.forget_contact();
   integration_->block().started = true;
-  rest_.start(values_.data());
+  rest_.start(signals.data());
   integration_->watch_none();
-  restart(chosen_);
+  restart(unknown);
   start_block();
 }
 
 void ForceEstimator::forget() {
-  farthest_ = rested_ = 0.0;
+  rested_ = 0.0;
   zero_known_ = false;
-  for (std::vector<double>* each : {&left_force_, &touch_force_, &tail_, &warmth_, &warmed_, &stepped_}) {
-    std::fill(each->begin(), each->end(), 0.0);
-  }
-  left_deviation_.assign(taxels(), array_.left_charge);
+  unseen_.forget();
+  process_noise_.forget();
+  left_charge_.assign(taxels(), array_.left_charge);
   unexplained_ = UnexplainedResiduals(taxels(), array_.threshold);
   hot_film_.forget();
   *belief() = *make_belief(taxels(), priors_);
   touch_.reset();
   forget_contacts();
-  state().offset_known.fill(false);
-  std::fill(state().force.begin(), state().force.end(), 0.0);
+  state_.offset_known.fill(false);
+  std::fill(state_.force.begin(), state_.force.end(), 0.0);
   integration_->block().started = integration_->block().valid = false;
-}
-
-/// Forget all that the filter believes: what it says is impossible.
-void ForceEstimator::start_over() {
-  restarts_ += usable();
-  forget();
-  const std::vector<double> charge = integration_->inverse().charge();
-  start(charge.data());
 }
 
 /// Restart taxels: no force, and the signal is offset, or charge left by an earlier force: what it has beyond an offset
@@ -393,52 +342,64 @@ void ForceEstimator::restart(const TaxelFlags& where) {
   if (!where.any()) {
     return;
   }
-  ForceIntegration::State& s = state();
-  Belief& b = *belief();
   touch_.matrix(response_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_share_[taxel] = driven_[taxel * kSharedStates + kDrift] = 0.0;
-    if (!where[taxel]) {
-      continue;
+    if (where[taxel]) {
+      restart_errors(taxel);
     }
-    const double tau = array_.time_constant[taxel];
-    const double noise = noise_variance_[taxel];
-    double* error = b.error_of(taxel);
-    double* own = b.own_of(taxel);
-    std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
-    std::fill_n(own, kOwnStates * kOwnStates, 0.0);
-    b.reset_force_error(taxel, s.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates, noise);
-    error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
-    own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
-    if (s.offset_known[taxel]) {
-      left_deviation_[taxel] = array_.left_charge + std::abs(signal(taxel) - offset(taxel));
-      own[own_at(kOffset, kOffset)] = square(kRestartDeviation * array_.threshold);
-    } else {
-      // The offset has the noise of the signal that it is set to; so has the force. A film that warms generates charge,
-      // which is no offset: that of the present rate, as far as it has lasted.
-      const double present = present_time_constant(taxel);
-      const double charge =
-          present * array_.newton_per_kelvin[taxel] * -std::expm1(-std::max(age() - array_.film_lag, 0.0) / present);
-      error[kOffset] = signal(taxel) - tau * b.shared[kDrift] - charge * b.shared[kRate];
-      b.slope_of(taxel, kOffset)[kRate] = -charge;
-      own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = noise;
-      own[own_at(kOffset, kOffset)] = noise + square(left_deviation_[taxel]);
-    }
-    leaked_share_[taxel] = -0.5 * last_duration_ / present_time_constant(taxel);
-    driven_[taxel * kSharedStates + kDrift] = -0.5 * last_duration_ * leak();
   }
-  b.integrate(leaked_share_.data(), driven_.data());
+  go_back_half(where);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (where[taxel]) {
-      s.rate[taxel] = offset(taxel) / present_time_constant(taxel);
-      s.offset_known[taxel] = false;
-      s.clipped[taxel] = 0.0;
-      s.correction[taxel] = s.raw[taxel];
-      s.held[taxel] = s.force[taxel] = 0.0;
-      absorbed_.restart(taxel, b);
+      state_.rate[taxel] = offset(taxel) / integration_->time_constant(taxel);
+      state_.offset_known[taxel] = false;
+      state_.clipped[taxel] = 0.0;
+      state_.correction[taxel] = state_.raw[taxel];
+      state_.held[taxel] = state_.force[taxel] = 0.0;
+      absorbed_.restart(taxel, *belief());
     }
   }
   forget_blocks();
+}
+
+/// Restart the errors of a taxel, with the present responses to the touch.
+void ForceEstimator::restart_errors(std::size_t taxel) {
+  Belief& b = *belief();
+  const double noise = noise_variance_[taxel];
+  double* error = b.error_of(taxel);
+  double* own = b.own_of(taxel);
+  std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
+  std::fill_n(own, kOwnStates * kOwnStates, 0.0);
+  b.reset_force_error(taxel, state_.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
+                      noise);
+  error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
+  own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
+  if (state_.offset_known[taxel]) {
+    left_charge_[taxel] = array_.left_charge + std::abs(integration_->signal(taxel) - offset(taxel));
+    own[own_at(kOffset, kOffset)] = square(kRestartDeviation * array_.threshold);
+    return;
+  }
+  // The offset has the noise of the signal that it is set to; so has the force. A film that warms generates charge,
+  // which is no offset: that of the present rate, as far as it has lasted.
+  const double present = integration_->time_constant(taxel);
+  const double charge =
+      present * array_.newton_per_kelvin[taxel] * -std::expm1(-std::max(age() - array_.film_lag, 0.0) / present);
+  error[kOffset] =
+      integration_->signal(taxel) - array_.time_constant[taxel] * b.shared[kDrift] - charge * b.shared[kRate];
+  b.slope_of(taxel, kOffset)[kRate] = -charge;
+  own[own_at(kForceError, kOffset)] = own[own_at(kOffset, kForceError)] = noise;
+  own[own_at(kOffset, kOffset)] = noise + square(left_charge_[taxel]);
+}
+
+/// Set the force errors of taxels, which are known now, to what they were in the middle of the last block.
+void ForceEstimator::go_back_half(const TaxelFlags& where) {
+  Vector<double> leaked(taxels());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    double& drift = driven_[taxel * kSharedStates + kDrift];
+    leaked[taxel] = where[taxel] ? -0.5 * last_duration_ / integration_->time_constant(taxel) : 0.0;
+    drift = where[taxel] ? -0.5 * last_duration_ * integration_->block().leak : 0.0;
+  }
+  belief()->integrate(leaked.data(), driven_.data());
 }
 
 void ForceEstimator::start_block() {
@@ -450,8 +411,11 @@ void ForceEstimator::start_block() {
 void ForceEstimator::close_block(const bool* in_contact, const Vector<const Taxels*>& contacts) {
   try {
     estimate(in_contact, contacts);
-  } catch (const std::domain_error&) {
-    start_over();
+  } catch (const std::domain_error&) {  // what the filter says is impossible
+    restarts_ += state_.usable();
+    forget();
+    const std::vector<double> charge = integration_->inverse().charge();
+    start(charge.data());
   }
 }
 
@@ -463,8 +427,8 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
     block.listed[taxel] = in_contact[taxel] && offset_known()[taxel];
   }
   Vector<const Taxels*> listed_contacts = contacts;
-  Taxels lost;
-  if (find_unreleased(block.listed, lost)) {
+  const Taxels lost = find_unreleased(block.listed);
+  if (!lost.empty()) {
     listed_contacts.push_back(&lost);
   }
   find_touched(block);
@@ -473,26 +437,23 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   observe_noise(block);
   blocks_.push();
   if (uniform_.open()) {
-    follow_unheated(block);
+    unheated_.follow(block, propagation_, ignored());
   }
-  bool begun = false;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    // Beside a contact forces were small ones, and no zeros.
-    const bool was_small = beside_[taxel] && listed_.any();
-    begun = begun || (block.touched[taxel] && !touched_[taxel] && !was_small);
-  }
-  refuted_ = 0.0;
-  const bool again = begun || is_refuted(block);
+  const bool again = is_refuted(block);
   if (again) {
     process_again(block.touched);
   }
-  follow_witnesses(block);
-  if (take_witness(block) || again) {
-    filter_.predicted(block.response.data(), values_.data());
-    std::transform(block.mean.begin(), block.mean.end(), values_.begin(), mean_.begin(), std::minus<>());
+  if (follow_witnesses(block) || again) {
+    filter_.forces(block.mean.data(), block.response.data(), mean_.data());
   }
   listed_.set(block.listed.data());
-  observe_steady_force();
+  if (steady_force_.is_due(blocks_.full() && blocks_.newest().listed.any())) {
+    TaxelFlags counted(taxels());
+    for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+      counted[taxel] = !ignored()[taxel] && !lower_bound_.mask()[taxel];
+    }
+    steady_force_.update(filter_, blocks_, counted, array_.newton_per_kelvin);
+  }
   observe_lone_drift(block);
   release(block, listed_contacts);
   if (lower_bound_.mask().any()) {
@@ -507,13 +468,22 @@ void ForceEstimator::estimate(const bool* in_contact, const Vector<const Taxels*
   finish(block);
 }
 
-/// Process the newest block; return whether the sensors refute its zeros. All of its taxels are touched, then.
+/// Whether what has been made of the stored blocks is wrong: a touch has begun in the newest one, or the sensors refute
+/// its zeros, by which it is processed here. All of its taxels are touched, then.
 bool ForceEstimator::is_refuted(Block& block) {
+  refuted_ = 0.0;
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    // Beside a contact forces were small ones, and no zeros.
+    const bool was_small = beside_[taxel] && listed_.any();
+    if (block.touched[taxel] && !touched_[taxel] && !was_small) {
+      return true;
+    }
+  }
   step(blocks_.size() - 1);
   if (refuted_ == 0.0 || blocks_.size() == 0) {
     return false;
   }
-  touch_all(block);
+  block.touch_all(offset_known(), ignored());
   return true;
 }
 

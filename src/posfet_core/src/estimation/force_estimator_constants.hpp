@@ -24,15 +24,8 @@ constexpr double kRunaway = 4.0;
 /// Deviations from which on a reading of the temperature sensors, or one of few other measurements, is unexpected [1].
 constexpr double kSurprising = 3.0;
 
-/// Variance of the force of a taxel beside a contact in a block, in addition to shares of its neighbours' [N2]: 0.1 mN
-/// that stays the same for 50 blocks, a second.
-constexpr double kTailNoise = 5e-7;
-
 /// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, the
 /// object that touches, lost scans.
 constexpr std::size_t kCauses = kSharedStates + 5;
-
-/// That of the object.
-constexpr std::size_t kOfObject = kSharedStates + 3;
 
 }  // namespace posfet

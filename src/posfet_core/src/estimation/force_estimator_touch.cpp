@@ -10,14 +10,27 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
+
+namespace {
+
+/// Whether a touch leaves too few taxels to show the film's temperature.
+bool is_whole(const TaxelFlags& touched, const TaxelFlags& ignored) {
+  std::size_t untouched = 0;
+  for (std::size_t taxel = 0; taxel < touched.size(); ++taxel) {
+    untouched += !ignored[taxel] && !touched[taxel] ? 1 : 0;
+  }
+  return untouched < kFewestForUniform;
+}
+
+}  // namespace
 
 /// Find the taxels whose force is not known to be none or small: those in contact, those that a touch may have begun
 /// on, and those that were touched and have not been still since.
@@ -25,132 +38,99 @@ void ForceEstimator::find_touched(Block& block) {
   // Those touched since before an interruption have a force that is unknown: not none, whatever the signal says. Until
   // a contact is listed, a wide object presses more taxels than those whose residual is beyond its noise.
   const bool begins = !block.listed.any();
+  TaxelFlags usable(taxels());
+  TaxelFlags unknown(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    odd_[taxel] = lower_bound_.mask()[taxel] || (begins && unexplained_.rising()[taxel]);
+    usable[taxel] = !ignored()[taxel];
+    unknown[taxel] = lower_bound_.mask()[taxel] || (begins && unexplained_.rising()[taxel]);
   }
-  surroundings_.dilate(odd_, chosen_);
-  const bool hot = may_be_hot();
-  if (hot) {
-    hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
-  }
-  const double pressed = pressed_force();
+  TaxelFlags near_unknown(taxels());
+  surroundings_.dilate(unknown, near_unknown);
+  const bool hot = hot_film_.may_be_hot(*belief());
+  const TaxelFlags& warm = hot_film_.find_warm({touch_.warm(), beside_});
+  const double pressed = is_whole(touched_, ignored())
+                             ? refutation_.pressed_force(sum_where(usable, mean_), state_.usable())
+                             : std::numeric_limits<double>::infinity();
+  TaxelFlags below(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = mean_[taxel];
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
     // Below zero no object touches, unless it is hot.
-    const bool below = hot && mean < -array_.threshold && hot_film_.warm()[taxel];
+    below[taxel] = hot && mean < -array_.threshold && warm[taxel];
     const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
     const bool moving = touched_[taxel] && !left;
-    const bool unknown = unexplained_.rising()[taxel] || chosen_[taxel] || moving || below || refutation_.wide();
-    block.touched[taxel] = block.listed[taxel] || (unknown && offset_known()[taxel]);
-    odd_[taxel] = below;
+    const bool may_touch =
+        unexplained_.rising()[taxel] || near_unknown[taxel] || moving || below[taxel] || refutation_.wide();
+    block.touched[taxel] = block.listed[taxel] || (may_touch && offset_known()[taxel]);
   }
-  hot_film_.hold(odd_);
+  hot_film_.hold(below);
 }
 
-/// Whether a touch leaves too few taxels to show the film's temperature.
-bool ForceEstimator::is_whole(const TaxelFlags& touched) const {
-  std::size_t untouched = 0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    untouched += !ignored()[taxel] && !touched[taxel] ? 1 : 0;
-  }
-  return untouched < kFewestForUniform;
-}
-
-/// Something wide presses all taxels.
-void ForceEstimator::touch_all(Block& block) const {
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    block.touched[taxel] = block.touched[taxel] || (offset_known()[taxel] && !ignored()[taxel]);
-  }
-}
-
-/// Force of a touched taxel from which on it has not left, however still it is [N]: what presses all taxels slowly is
-/// still. Infinite where nothing does.
-double ForceEstimator::pressed_force() const {
-  if (!refutation_.significant() || !is_whole(touched_) || usable() == 0) {
-    return std::numeric_limits<double>::infinity();
-  }
-  double total = 0.0;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    total += ignored()[taxel] ? 0.0 : mean_[taxel];
-  }
-  return ZeroRefutation::kPressed * total / static_cast<double>(usable());
-}
-
-/// Add to the listed taxels those of a contact that became uncertain, and was not released; those that are not beside a
-/// listed contact are `lost`. Returns whether there are any. That a contact is no longer significant is no evidence of
-/// zero forces. Of one with the whole array, where no untouched taxel shows the film's temperature, single taxels
-/// become uncertain before the others.
-bool ForceEstimator::find_unreleased(TaxelFlags& listed, Taxels& lost) {
+/// Add to the listed taxels those of a contact that became uncertain, and was not released; returns those of them that
+/// are not beside a listed contact. That a contact is no longer significant is no evidence of zero forces. Of one with
+/// the whole array, where no untouched taxel shows the film's temperature, single taxels become uncertain before the
+/// others.
+Taxels ForceEstimator::find_unreleased(TaxelFlags& listed) const {
+  Taxels lost;
   if (!touched_.any()) {
-    return false;
+    return lost;
   }
-  const bool whole = is_whole(touched_);
-  surroundings_.dilate(listed, chosen_);
+  const bool whole = is_whole(touched_, ignored());
+  TaxelFlags near(taxels());
+  surroundings_.dilate(listed, near);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const bool was = whole ? touched_[taxel] : listed_[taxel] && !chosen_[taxel];
+    const bool was = whole ? touched_[taxel] : listed_[taxel] && !near[taxel];
     if (mean_[taxel] > array_.threshold && was && !listed[taxel] && !ignored()[taxel] && offset_known()[taxel]) {
       listed[taxel] = true;
-      if (!chosen_[taxel]) {  // else it is part of that contact, and is released with it
+      if (!near[taxel]) {  // else it is part of that contact, and is released with it
         lost.push_back(static_cast<Taxel>(taxel));
       }
     }
   }
-  return !lost.empty();
+  return lost;
 }
 
-/// Find the taxels below zero, `zeros_`, where one of them has been so for long enough: what touched since before the
-/// start was released.
-void ForceEstimator::find_released() {
-  bool released = false;
+/// Find the taxels below zero, among those with an unexplained residual, where one has been so for long enough to be
+/// one of the `errors`: what touched since before the start was released. Or the film is hotter than was known: it is
+/// where a touch may have warmed it and forces stay below zero. Such taxels are left as they are, until the film has
+/// cooled: none are found then, nor are they errors.
+TaxelFlags ForceEstimator::find_released(const TaxelFlags& odd, TaxelFlags& errors) {
+  TaxelFlags below(taxels());
+  bool lasts = false;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    zeros_[taxel] = odd_[taxel] && residual_[taxel] < -array_.threshold;
-    released = released || (chosen_[taxel] && zeros_[taxel]);
+    below[taxel] = odd[taxel] && residuals_[taxel] < -array_.threshold;
+    lasts = lasts || (errors[taxel] && below[taxel]);
   }
-  if (!released) {
-    zeros_.fill(false);
-  }
-}
-
-/// Find whether the film is hotter than was known: it is where a touch may have warmed it and forces stay below zero.
-/// Only what has touched since before the start and is released does that, too. Such taxels are left as they are, until
-/// the film has cooled: none are in `zeros_` then.
-void ForceEstimator::find_hot_film() {
-  if (!zeros_.any()) {
-    return;
-  }
-  hot_film_.find_warm(touch_.warm(), beside_, surroundings_);
-  if (!hot_film_.explains(zeros_, residual_, array_.newton_per_kelvin)) {
-    return;
-  }
+  const bool hot = lasts && hot_film_.explains(below, residuals_.values(), {touch_.warm(), beside_});
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    chosen_[taxel] = chosen_[taxel] && !zeros_[taxel];
-    zeros_[taxel] = false;
+    errors[taxel] = errors[taxel] && !(hot && below[taxel]);
+    below[taxel] = below[taxel] && lasts && !hot;
   }
+  return below;
 }
 
 /// Set the forces of these taxels to zero. They and those beside them cool from then on, and what has left no longer
 /// warms the chip.
-void ForceEstimator::reset_released(const Block& block) {
-  surroundings_.dilate(zeros_, chosen_);
-  const double recovery = recovery_left();
+void ForceEstimator::reset_released(const Block& block, const TaxelFlags& released) {
+  TaxelFlags near(taxels());
+  surroundings_.dilate(released, near);
+  unseen_.begin();
   double left = 0.0;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    left_force_[taxel] *= recovery;
-    if (chosen_[taxel]) {
+    if (near[taxel]) {
       absorbed_.touch(taxel);
-      left_force_[taxel] = std::max(left_force_[taxel], -residual_[taxel]);
+      unseen_.leave(taxel, -residuals_[taxel]);
       add_own_warmth(belief()->own_of(taxel), square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]));
     }
-    if (zeros_[taxel]) {
-      left -= residual_[taxel];
+    if (released[taxel]) {
+      left -= residuals_[taxel];
       belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
                                   block.noise[taxel]);
     }
   }
   filter_.admit(direction_of(kRate).data(), square(priors_.touch_rate * left));
   zero_known_ = true;
-  rested_ = unseen_for_ = 0.0;
+  rested_ = 0.0;
   refutation_.clear();
   forget_blocks();  // to process them again would undo it
 }
@@ -158,77 +138,67 @@ void ForceEstimator::reset_released(const Block& block) {
 /// Set the forces of released contacts to zero. Those of which only is known that their film cools tell nothing of what
 /// taxels share: how warm each taxel has become may be wrong.
 void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts) {
-  std::vector<double>& variance = values_;
-  std::vector<double>& course = residual_;
-  filter_.predicted(block.response.data(), course.data());
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    variance[taxel] = whole_variance(taxel);
-    const double* response = block.response.data() + taxel * kSharedStates;
-    course[taxel] = block.mean[taxel] - course[taxel] + dot(response + kBend, belief()->shared.data() + kBend, kBends);
-  }
-  std::vector<double>& rise = deviation_;
-  const bool known = blocks_.size() > ReleaseDetector::kStillBlocks;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    rise[taxel] =
-        known ? block.mean[taxel] - blocks_[blocks_.size() - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
-  }
-  const bool released = release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(),
-                                        variance.data(), block.noise.data(), block.duration, chosen_.data());
-  if ((!find_left(contacts) && !released) || !drop_shown(variance)) {
+  TaxelFlags ended(taxels());
+  TaxelFlags left(taxels());
+  if (!find_ended(block, contacts, ended, left)) {
     return;
   }
-  find_absorbed();
+  absorbed_.find(*belief(), touched_, ignored());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (chosen_[taxel]) {
+    if (ended[taxel] || left[taxel]) {
       touch_.reduce_warmth(taxel, mean_[taxel], belief()->shared[kWarmth]);
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_.values()[taxel]);
     }
-    noise_[taxel] = block.noise[taxel] + kTailNoise;
   }
   touch_.matrix(block.response);
-  filter_.innovation(block.mean.data(), block.response.data(), noise_.data(), residual_.data(), sensitivity_.data(),
-                     deviation_.data());
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    left_[taxel] = left_[taxel] && chosen_[taxel];
-    chosen_[taxel] = chosen_[taxel] && !left_[taxel];
-  }
-  filter_.update_alone(left_.data(), residual_.data(), sensitivity_.data(), noise_.data());
-  filter_.update(chosen_.data(), residual_.data(), sensitivity_.data(), noise_.data());
+  residuals_.expect_release(block);
+  residuals_.compare(filter_);
+  residuals_.update_alone(filter_, left);
+  residuals_.update(filter_, ended);
 }
 
-/// Add to the released taxels in `chosen_` those of contacts whose film cools, which are in `left_`; returns whether
-/// there are any.
-bool ForceEstimator::find_left(const Vector<const Taxels*>& contacts) {
-  const bool any = thermal_contact_.find_left(contacts, left_);
-  for (std::size_t taxel = 0; taxel < taxels() && any; ++taxel) {
-    left_[taxel] = left_[taxel] && !chosen_[taxel];
-    chosen_[taxel] = chosen_[taxel] || left_[taxel];
-  }
-  return any;
-}
-
-/// Drop, of the taxels in `chosen_` that look released, those beside a noisy taxel that still shows a force beyond its
-/// variance; return whether any are left.
-bool ForceEstimator::drop_shown(const std::vector<double>& variance) {
+/// Find the taxels of contacts that have ended, and those of others whose film cools, as they were left. Not those
+/// beside a noisy taxel that still shows a force beyond its deviation. Returns whether there are any.
+bool ForceEstimator::find_ended(const Block& block, const Vector<const Taxels*>& contacts, TaxelFlags& ended,
+                                TaxelFlags& left) {
+  Vector<double> variance(taxels());
+  Vector<double> course(taxels());
+  Vector<double> rise(taxels());
+  TaxelFlags shown(taxels());
+  filter_.forces(block.mean.data(), block.response.data(), course.data());
+  const std::size_t blocks = blocks_.size();
+  const bool known = blocks > ReleaseDetector::kStillBlocks;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    variance[taxel] = covariance_.of_motion(taxel);
+    const double* response = block.response.data() + taxel * kSharedStates;
+    course[taxel] += dot(response + kBend, belief()->shared.data() + kBend, kBends);
+    rise[taxel] = known ? block.mean[taxel] - blocks_[blocks - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
     const double least = std::max(array_.threshold, kGate * std::sqrt(variance[taxel]));
-    odd_[taxel] = ignored()[taxel] && informative_[taxel] && mean_[taxel] > least;
+    shown[taxel] = ignored()[taxel] && informative_[taxel] && mean_[taxel] > least;
   }
-  surroundings_.dilate(odd_, zeros_);
+  const bool released = release_.update(contacts, mean_.data(), course.data(), rise.data(), touched_.data(),
+                                        variance.data(), block.noise.data(), block.duration, ended.data());
+  if (!touched_forces_.find_left(contacts, left) && !released) {
+    return false;
+  }
+  TaxelFlags near_shown(taxels());
+  surroundings_.dilate(shown, near_shown);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    chosen_[taxel] = chosen_[taxel] && !zeros_[taxel];
+    left[taxel] = left[taxel] && !ended[taxel] && !near_shown[taxel];
+    ended[taxel] = ended[taxel] && !near_shown[taxel];
   }
-  return chosen_.any();
+  return ended.any() || left.any();
 }
 
 /// End the touches since before an interruption: where forces stay below zero, they are zero.
 void ForceEstimator::end_unknown_touch(const Block& block) {
+  TaxelFlags still(taxels());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double limit = kGate * std::sqrt(2.0) * std::sqrt(block.noise[taxel]);
-    chosen_[taxel] = std::abs(mean_[taxel] - last_mean_[taxel]) <= limit;
+    still[taxel] = std::abs(mean_[taxel] - last_mean_[taxel]) <= limit;
   }
   TaxelFlags ended(taxels());
-  lower_bound_.update(mean_.data(), chosen_.data(), block.duration, ended.data());
+  lower_bound_.update(mean_.data(), still.data(), block.duration, ended.data());
   last_mean_ = mean_;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (ended[taxel]) {

@@ -9,6 +9,7 @@
 
 #include <cmath>
 
+#include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/estimation/unexplained_residuals.hpp"
 
 namespace posfet {
@@ -23,26 +24,30 @@ constexpr double kWarmingTimes = 2.0;
 
 }  // namespace
 
-void HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& beside,
-                        const ContactSurroundings& surroundings) {
-  for (std::size_t taxel = 0; taxel < warmth.size(); ++taxel) {
-    near_[taxel] = warmth[taxel] > kWarmed || below_[taxel];
-  }
-  surroundings.dilate(near_, warm_);
-  for (std::size_t taxel = 0; taxel < warmth.size(); ++taxel) {
-    warm_[taxel] = warm_[taxel] || (hot_ && beside[taxel]);
-  }
+bool HotFilm::may_be_hot(const Belief& belief) const {
+  return hot_ || std::abs(belief.shared[kWarmth]) + std::sqrt(belief.variance(kWarmth)) > kGreatestWarmth;
 }
 
-bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force,
-                       const std::vector<double>& newton_per_kelvin) {
+const TaxelFlags& HotFilm::find_warm(const Warmed& warmed) {
+  for (std::size_t taxel = 0; taxel < near_.size(); ++taxel) {
+    near_[taxel] = warmed.warmth[taxel] > kWarmed || below_[taxel];
+  }
+  surroundings_.dilate(near_, warm_);
+  for (std::size_t taxel = 0; taxel < near_.size(); ++taxel) {
+    warm_[taxel] = warm_[taxel] || (hot_ && warmed.beside[taxel]);
+  }
+  return warm_;
+}
+
+bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force, const Warmed& warmed) {
   if (!begun_ || touched_for_ < UnexplainedResiduals::kNegativeTime) {  // as long as what it would explain
     return false;
   }
+  const TaxelFlags& warm = find_warm(warmed);
   bool hot = false;
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    const double kelvin = std::abs(force[taxel] / newton_per_kelvin[taxel]);  // infinite where there is no signal
-    hot = hot || (below[taxel] && warm_[taxel] && kelvin < kHottestObject);
+    const double kelvin = std::abs(force[taxel] / newton_per_kelvin_[taxel]);  // infinite where there is no signal
+    hot = hot || (below[taxel] && warm[taxel] && kelvin < kHottestObject);
   }
   hot_ = hot_ || hot;
   shown_ = shown_ || hot;

@@ -10,9 +10,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
+#include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
@@ -178,6 +180,37 @@ std::optional<SharedMeasurement> SteadyForce::observe(const SteadyWindow& window
     found.sensitivity.push_back(product(decay, without_trend(response, window.weights)) / square);
   }
   return found;
+}
+
+void SteadyForce::update(ForceErrorFilter& filter, const LastBlocks& blocks, const TaxelFlags& counts,
+                         const std::vector<double>& newton_per_kelvin) {
+  const Taxels held = held_taxels(blocks, counts);
+  if (held.empty()) {
+    return;
+  }
+  const Belief& b = *filter.belief();
+  const SteadyWindow window = window_of(blocks, b, held);
+  double coldest = std::numeric_limits<double>::infinity();
+  double warmest = -coldest;
+  for (std::size_t index = 0; index < blocks.size(); ++index) {
+    coldest = std::min(coldest, blocks[index].before.shared[kFilm]);
+    warmest = std::max(warmest, blocks[index].before.shared[kFilm]);
+  }
+  double response = 0.0;
+  double noise = 0.0;
+  for (const Taxel each : held) {
+    response += newton_per_kelvin[static_cast<std::size_t>(each)];
+    noise += blocks.newest().noise[static_cast<std::size_t>(each)];
+  }
+  const double changed = std::sqrt(b.variance(kRate)) * (window.time.back() - window.time.front());
+  const auto found = observe(window, std::abs(response) * (warmest - coldest + changed), noise);
+  if (!found) {
+    return;
+  }
+  const double expected = filter.shared_variance(found->sensitivity.data()) + found->variance;
+  if (square(found->innovation) < square(kSurprising) * expected) {
+    filter.measure_shared(found->innovation, found->sensitivity.data(), found->variance);
+  }
 }
 
 }  // namespace posfet

@@ -116,6 +116,16 @@ void TouchResponse::follow_loops(const std::vector<double>& force) {
   }
 }
 
+double TouchResponse::warmth_difference(double warmth) const {
+  return priors_.warmth_least + priors_.warmth_spread * std::abs(warmth);
+}
+
+double TouchResponse::warmth_variance(std::size_t taxel, double warmth) const {
+  const double own = warmth_difference(warmth) * warm_[taxel];
+  const double contact = priors_.warmth_contact * std::abs(warmth) * range_[taxel];
+  return square(per_kelvin_[taxel]) * (square(own) + square(contact));
+}
+
 void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth) {
   const double per_warm = -per_kelvin_[taxel] * warmth;
   if (left > 0.0 && per_warm > 0.0 && priors_.warmth_certain > 0.0) {

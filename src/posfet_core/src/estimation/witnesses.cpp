@@ -12,7 +12,10 @@
 #include <functional>
 #include <memory>
 
+#include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/estimation/zero_refutation.hpp"
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -26,7 +29,8 @@ constexpr double kLeastLeft = 1e-9;
 Witness::Witness(std::size_t taxels)
     : before(taxels, kSharedStates), filter(std::make_shared<Belief>(0, kSharedStates)) {}
 
-Witnesses::Witnesses(std::size_t taxels) : noise_(taxels * kOwnStates * kOwnStates, 0.0), cooled_(taxels, 0.0) {
+Witnesses::Witnesses(std::size_t taxels, const TouchResponse& touch)
+    : noise_(taxels * kOwnStates * kOwnStates, 0.0), cooled_(taxels, 0.0), passed_(taxels, touch) {
   for (std::size_t count = 0; count < kCount; ++count) {
     witnesses_.emplace_back(taxels);
   }
@@ -38,6 +42,23 @@ void Witnesses::clear() {
   begun_ = Passage();
 }
 
+void Witnesses::follow(const Block& block, Propagation& propagation) {
+  pass(block);
+  Witness* witness = behind();
+  if (witness == nullptr) {
+    return;
+  }
+  static_cast<Passage&>(passed_) = passages_[witness->next];
+  propagation.predict(witness->filter, passed_);
+  const auto found = propagation.measure_temperature(witness->filter, passed_, false);
+  witness->evidence += passed_.unlikely - (found.square + found.spread);
+  ++witness->next;
+  if (found.square > square(kSurprising)) {
+    clear();
+  }
+}
+
+/// Add a block to the passage that has begun.
 void Witnesses::pass(const Block& block) {
   if (size_ == 0) {
     return;
@@ -66,6 +87,7 @@ void Witnesses::pass(const Block& block) {
   begun_ = Passage();
 }
 
+/// The first witness that has not followed all passages; none: a null pointer.
 Witness* Witnesses::behind() {
   for (std::size_t index = 0; index < size_; ++index) {
     if (witnesses_[index].next < passages_.size()) {
@@ -73,6 +95,17 @@ Witness* Witnesses::behind() {
     }
   }
   return nullptr;
+}
+
+const Witness* Witnesses::best(double film, double per_kelvin) const {
+  const Witness* best = nullptr;
+  for (std::size_t index = 0; index < size_; ++index) {
+    const Witness& each = witnesses_[index];
+    const double hidden = (film - each.filter.belief()->shared[kFilm]) * per_kelvin;
+    const double least = best == nullptr ? ZeroRefutation::kEvidence : best->evidence;
+    best = hidden > 0.0 && each.evidence > least ? &each : best;
+  }
+  return best;
 }
 
 void Witnesses::call(const Belief& belief) {
@@ -97,6 +130,23 @@ void Witnesses::call(const Belief& belief) {
   one.first = one.next = passages_.size();
   one.noise = noise_;
   one.cooled = cooled_;
+}
+
+void Witnesses::replay(const Witness& witness, ForceErrorFilter& filter, Propagation& propagation) {
+  const bool begun = begun_.span > 0.0;
+  const auto count = static_cast<double>(passages_.size() - witness.first + (begun ? 1 : 0));
+  for (std::size_t index = 0; index < noise_.size(); ++index) {
+    passed_.own_noise[index] = (noise_[index] - witness.noise[index]) / count;
+  }
+  for (std::size_t taxel = 0; taxel < cooled_.size(); ++taxel) {
+    passed_.cooled[taxel] = -std::expm1((cooled_[taxel] - witness.cooled[taxel]) / count);
+  }
+  *filter.belief() = witness.before;
+  for (std::size_t index = witness.first; index < passages_.size() + (begun ? 1 : 0); ++index) {
+    static_cast<Passage&>(passed_) = index < passages_.size() ? passages_[index] : begun_;
+    propagation.predict(filter, passed_);
+    propagation.measure_temperature(filter, passed_, false);
+  }
 }
 
 }  // namespace posfet

@@ -24,8 +24,9 @@ namespace posfet {
 /// known as far as the taxel's response is.
 class AbsorbedForce {
 public:
-  /// Time constants of the leakage [s] and pyroelectric signals [N/K] of the taxels.
-  AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin);
+  /// Time constants of the leakage [s] and pyroelectric signals [N/K] of the taxels; `observable`: whether zero forces
+  /// determine the temperature of the film.
+  AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, bool observable);
 
   /// Begin again with the present errors of a taxel.
   void restart(std::size_t taxel, const Belief& belief);
@@ -40,9 +41,9 @@ public:
   /// or beside a touch, go on as they were.
   void follow(const Passage& block, const Belief& belief, double film_rate, const TaxelFlags& beside);
 
-  /// Find what may have been absorbed of each force [N]; `untouched` are the taxels that show what the temperature of
-  /// the film only seemed to be, until the sensors said otherwise, which is no press.
-  void find(const Belief& belief, const TaxelFlags& untouched);
+  /// Find what may have been absorbed of each force [N]. Taxels that are neither touched nor ignored show what the
+  /// temperature of the film only seemed to be, until the sensors said otherwise, which is no press.
+  void find(const Belief& belief, const TaxelFlags& touched, const TaxelFlags& ignored);
 
   /// What `find` found [N], >= 0.
   const std::vector<double>& values() const { return values_; }
@@ -50,6 +51,7 @@ public:
 private:
   std::vector<double> time_constant_;
   std::vector<double> newton_per_kelvin_;
+  bool observable_;
   std::vector<double> error_;          ///< Usual error of each force [N],
   std::vector<double> offset_;         ///< and the offset of the signal that goes with it [N].
   std::vector<double> untouched_for_;  ///< Time since the taxel was touched [s].

@@ -46,6 +46,16 @@ struct Passage {
 struct Block : Passage {
   Block(std::size_t taxels, TouchResponse touch);
 
+  /// Whether a taxel is beside a contact: its force is a small one.
+  bool is_small(std::size_t taxel) const { return !touched[taxel] && neighbour[taxel] > 0.0; }
+
+  /// Touch the taxels that something wide presses: all of which is known what no force is.
+  void touch_all(const TaxelFlags& offset_known, const TaxelFlags& ignored) {
+    for (std::size_t taxel = 0; taxel < touched.size(); ++taxel) {
+      touched[taxel] = touched[taxel] || (offset_known[taxel] && !ignored[taxel]);
+    }
+  }
+
   std::vector<double> mean;       ///< Mean of the uncorrected forces F^ [N].
   std::vector<double> noise;      ///< Variance of its noise [N2].
   std::vector<double> charge;     ///< Mean of the charge, as a force, up to a constant [N].
@@ -60,6 +70,9 @@ struct Block : Passage {
   Belief before;                  ///< Belief before this block.
   TouchResponse touch_before;     ///< What touches have left until then.
 };
+
+/// What a belief says of the errors that the responses to a touch depend on, at the leakage of a block.
+TouchResponse::Known known_errors(const Belief& belief, const Passage& block);
 
 /// The last blocks, oldest first, and a place for the next one.
 class LastBlocks {
@@ -78,6 +91,7 @@ public:
   Block& operator[](std::size_t index) { return places_[(first_ + index) % places_.size()]; }
   const Block& operator[](std::size_t index) const { return places_[(first_ + index) % places_.size()]; }
   Block& newest() { return (*this)[size_ - 1]; }
+  const Block& newest() const { return (*this)[size_ - 1]; }
 
   /// Time that the blocks have lasted [s].
   double duration() const;

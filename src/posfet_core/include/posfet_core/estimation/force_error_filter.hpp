@@ -83,6 +83,9 @@ public:
   /// Find the errors of the forces for these responses to the shared states [N].
   void predicted(const double* response, double* errors) const;
 
+  /// Find the forces that are left of measured ones without these errors [N].
+  void forces(const double* measured, const double* response, double* force) const;
+
   /// Find by how much measured errors of the forces [N] differ from those that are predicted, with the small forces.
   void residuals(const double* measured, const double* response, double* residual) const;
 

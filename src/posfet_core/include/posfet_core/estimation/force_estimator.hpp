@@ -18,35 +18,39 @@
 /// processed again without the taxels that it touches: the first, weak part of a touch is no zero (docs/estimation.md).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <memory>
 #include <vector>
 
 #include "posfet_core/estimation/absorbed_force.hpp"
 #include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/block_residuals.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
+#include "posfet_core/estimation/force_covariance.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
-#include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/hidden_force.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
 #include "posfet_core/estimation/lone_drift.hpp"
 #include "posfet_core/estimation/lower_bound_monitor.hpp"
-#include "posfet_core/estimation/moved_share.hpp"
-#include "posfet_core/estimation/object_heating.hpp"
+#include "posfet_core/estimation/process_noise.hpp"
+#include "posfet_core/estimation/propagation.hpp"
 #include "posfet_core/estimation/release_detector.hpp"
 #include "posfet_core/estimation/rest_detector.hpp"
 #include "posfet_core/estimation/rest_noise.hpp"
 #include "posfet_core/estimation/sensor_readings.hpp"
 #include "posfet_core/estimation/steady_force.hpp"
-#include "posfet_core/estimation/thermal_contact.hpp"
 #include "posfet_core/estimation/total_certainty.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
+#include "posfet_core/estimation/touched_forces.hpp"
 #include "posfet_core/estimation/unexplained_residuals.hpp"
+#include "posfet_core/estimation/unheated_belief.hpp"
 #include "posfet_core/estimation/uniform_change.hpp"
+#include "posfet_core/estimation/unseen_release.hpp"
 #include "posfet_core/estimation/witnesses.hpp"
 #include "posfet_core/estimation/zero_refutation.hpp"
+#include "posfet_core/flags.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/grid.hpp"
 
@@ -58,23 +62,6 @@ constexpr double kResumeTime = 0.04;
 /// Standard deviation of the total force, over that force, above which the forces are not valid [1]: fit for control of
 /// a grip.
 constexpr double kMaxRelativeUncertainty = 0.2;
-
-/// What description and calibration say of an array; vectors have one value for each taxel.
-struct EstimatedArray {
-  Layout layout;
-  std::vector<double> time_constant;      ///< Of the leakage [s].
-  std::vector<double> newton_per_charge;  ///< Force per charge density [N m2/C].
-  std::vector<double> newton_per_kelvin;  ///< Pyroelectric signal [N/K].
-  std::vector<double> gain_deviation;     ///< Relative standard deviation of the gain [1],
-  double common_gain_deviation;           ///< and of what all taxels have in common [1].
-  std::vector<double> leak_deviation;     ///< Relative standard deviation of the leak rate [1].
-  LeakTemperature leak_temperature;       ///< How it depends on the temperature.
-  double noise;                           ///< Standard deviation of a reading [N].
-  double threshold;                       ///< Contact threshold [N].
-  double greatest_force;                  ///< Greatest force of a taxel [N].
-  double left_charge;                     ///< Charge left by an earlier force at the start, as a force [N].
-  double film_lag;                        ///< Time constant of the film's lag behind the chip [s], >= 0.
-};
 
 /// Force of every taxel with its covariance, block by block; arrays row by row, [taxels].
 ///
@@ -92,7 +79,7 @@ public:
   ForceEstimator(ForceEstimator&&) = delete;
   ForceEstimator& operator=(ForceEstimator&&) = delete;
 
-  std::size_t taxels() const { return array_.time_constant.size(); }
+  std::size_t taxels() const { return array_.taxels(); }
 
   /// What happens in every scan, and the state that it changes.
   const std::shared_ptr<ForceIntegration>& integration() const { return integration_; }
@@ -104,11 +91,11 @@ public:
   bool valid() const { return integration_->block().valid; }
 
   /// Estimated force [N], positive when pushed; valid where `offset_known`.
-  const std::vector<double>& force() const { return state().force; }
-  const TaxelFlags& offset_known() const { return state().offset_known; }
+  const std::vector<double>& force() const { return state_.force; }
+  const TaxelFlags& offset_known() const { return state_.offset_known; }
 
   /// Faulty taxels, whose offsets `valid` does not depend on. Set by `ignore`.
-  const TaxelFlags& ignored() const { return state().ignored; }
+  const TaxelFlags& ignored() const { return state_.ignored; }
 
   /// Faulty taxels that count in sums of forces by their own readings. Set by the caller.
   TaxelFlags& informative() { return informative_; }
@@ -177,31 +164,18 @@ public:
   bool touch_at_start = false;
 
 private:
-  /// What a reading of the sensors differs from its expectation by.
-  struct Contradiction {
-    double kelvin;      ///< Reading less expectation, after all that explains it [K].
-    double deviations;  ///< Size of that in its deviations [1].
-    double square;      ///< Square of that in its variance, before anything explains it [1],
-    double spread;      ///< and the logarithm of that variance [1].
+  /// Taxels of a block, as its zeros count.
+  struct Zeros {
+    explicit Zeros(std::size_t taxels) : judged(taxels), faulty(taxels), known(taxels), odd(taxels) {}
+
+    TaxelFlags judged;  ///< Taxels whose residual counts,
+    TaxelFlags faulty;  ///< and faulty ones in no contact, which say nothing of the others.
+    TaxelFlags known;   ///< Taxels whose force is known to be none, or small.
+    TaxelFlags odd;     ///< Taxels whose residual is unexplained.
   };
 
-  // What the estimates say.
-  ForceIntegration::State& state() { return integration_->state(); }
-  const ForceIntegration::State& state() const { return integration_->state(); }
-  double signal(std::size_t taxel) const;
+  // What the estimates say (force_estimator.cpp).
   double offset(std::size_t taxel) const;
-  double leak() const { return integration_->block().leak; }
-  /// Mean signal of a change of the film's temperature [N/K], and that change which makes no difference to the forces
-  /// [K].
-  double mean_per_kelvin() const { return integration_->mean_newton_per_kelvin(); }
-  double negligible() const { return integration_->limits().negligible; }
-  double present_time_constant(std::size_t taxel) const { return array_.time_constant[taxel] / leak(); }
-  double warmth_difference() const;
-  double warmth_variance(std::size_t taxel) const;
-  double whole_variance(std::size_t taxel) const;
-  double tail_spread(const Belief& belief) const;
-  double film_rate() const;
-  std::size_t usable() const;
   /// Whether the reading of a taxel is a force: not of a faulty one, unless it still counts in sums.
   bool counts(std::size_t taxel) const { return !ignored()[taxel] || informative_[taxel]; }
   bool has_rested(double longer = 0.0) const;
@@ -211,171 +185,112 @@ private:
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   bool is_refuted(Block& block);
   void restart(const TaxelFlags& where);
-  void start_over();
+  void restart_errors(std::size_t taxel);
+  void go_back_half(const TaxelFlags& where);
   void forget_touch();
   void forget_contacts();
   void forget_blocks();
 
   // What a block shows (force_estimator_block.cpp).
   void measure(Block& block);
-  void find_tails(Block& block);
-  static TouchResponse::Known known_errors(const Belief& belief, const Block& block);
-  void measure_touch(Block& block);
-  double hidden_share() const;
-  void add_held_forces(const std::vector<double>& force, std::vector<double>& least, double duration);
-  void follow_thermal_contact(double duration);
   void measure_process_noise(Block& block);
-  double clipped_noise(std::size_t taxel);
-  double unseen_creep() const;
-  void add_signal_noise(Block& block);
-  void add_warmth_noise(Block& block);
-  void add_touch_noise(Block& block, const std::vector<double>& pressing);
-  void add_unknown_warmth(Block& block) const;
   void observe_noise(const Block& block);
   void admit_walk(double known);
-  void observe_steady_force();
   void observe_lone_drift(const Block& block);
-  void admit_step(const LoneDrift::Drift& found);
 
   // A step of the filter (force_estimator_update.cpp).
   void process_again(const TaxelFlags& touched);
   void step(std::size_t index);
-  void predict(ForceErrorFilter& filter, const Block& block);
   void measure_zeros(std::size_t index);
-  void expect_small_forces(const Block& block);
-  void find_residuals();
-  void admit_warmer_object();
-  void find_slow_touches(const Block& block);
-  void measure_alone(const Block& block);
-  bool is_zero_faulty(const Block& block, std::size_t taxel) const;
-  bool recovers_unseen(std::size_t taxel) const;
-  double recovery_left() const;
-  void judge(Block& block);
-  void restart_or_correct(Block& block);
+  void find_slow_touches(const Block& block, Zeros& zeros);
+  void measure_alone(const Block& block, const Zeros& zeros);
+  void judge(Block& block, Zeros& zeros);
+  void restart_or_correct(Block& block, TaxelFlags& odd);
 
   // Temperature, or a press (force_estimator_temperature.cpp).
-  Contradiction measure_temperature(ForceErrorFilter& filter, const Block& block, bool zeros);
   bool was_misled();
   double unnoticed_change();
-  bool may_tell() const;
-  void follow_witnesses(const Block& block);
-  bool take_witness(Block& block);
-  void explain_by_temperature(std::size_t index);
-  void open_hypothesis();
-  void drop_hypothesis();
-  void follow_unheated(const Block& block);
-  UniformChange::Evidence evidence_of(const Block& block);
-  void take_unheated(Block& block);
+  bool follow_witnesses(Block& block);
+  void explain_by_temperature(std::size_t index, Zeros& zeros);
+  void take_unheated(Block& block, Zeros& zeros);
 
   // Where something touches, and where it has ended (force_estimator_touch.cpp).
   void find_touched(Block& block);
-  bool is_whole(const TaxelFlags& touched) const;
-  void touch_all(Block& block) const;
-  double pressed_force() const;
-  bool find_unreleased(TaxelFlags& listed, Taxels& lost);
-  void find_released();
-  void find_hot_film();
-  void reset_released(const Block& block);
+  Taxels find_unreleased(TaxelFlags& listed) const;
+  TaxelFlags find_released(const TaxelFlags& odd, TaxelFlags& errors);
+  void reset_released(const Block& block, const TaxelFlags& released);
   void release(Block& block, const Vector<const Taxels*>& contacts);
-  bool find_left(const Vector<const Taxels*>& contacts);
-  bool drop_shown(const std::vector<double>& variance);
+  bool find_ended(const Block& block, const Vector<const Taxels*>& contacts, TaxelFlags& ended, TaxelFlags& left);
   void end_unknown_touch(const Block& block);
 
   // What follows for the forces (force_estimator_outcome.cpp).
   void finish(const Block& block);
-  void find_absorbed();
-  void set_covariance(const Block& block);
-  bool is_valid(double duration);
   void find_hot_touch();
-  bool may_be_hot() const;
-  double object_deviation(std::size_t taxel) const;
-  double total_deviation(const TaxelFlags& counted) const;
-  bool is_certain(const TaxelFlags& counted, double deviation) const;
+  bool is_valid(double duration);
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
   EstimatedArray array_;
   ErrorPriors priors_;
   std::shared_ptr<ForceIntegration> integration_;
-  SharedDynamics dynamics_;
-  ForceErrorFilter filter_;
-  ForceErrorFilter unheated_;  ///< Without the hypothesis of `uniform_`, while that is open.
-  TouchResponse touch_;
-  TouchResponse unheated_touch_;  ///< Of the touch that there is without the hypothesis.
+  ForceIntegration::State& state_;  ///< Of the integration.
+  double per_kelvin_;               ///< Mean signal of a change of the film's temperature [N/K].
   UniformChange uniform_;
-  UnexplainedResiduals unexplained_;
-  ReleaseDetector release_;
+
+  // The belief, and what changes it.
+  ForceErrorFilter filter_;
+  Propagation propagation_;
+  BlockResiduals residuals_;
+  SensorReadings readings_;
   RestNoise rest_noise_;
   SteadyForce steady_force_;
-  HeldForces held_forces_;
   LoneDrift lone_drift_;
-  ThermalContact thermal_contact_;
-  ObjectHeating heating_;
-  ZeroRefutation refutation_;
+
+  // Touches, and what they leave.
+  TouchedForces touched_forces_;
+  TouchResponse touch_;
+  UnseenRelease unseen_;
+  ProcessNoise process_noise_;
+  HotFilm hot_film_;
+  ContactSurroundings surroundings_;
+
+  // Doubts.
+  UnheatedBelief unheated_;  ///< While `uniform_` is open.
+  UnexplainedResiduals unexplained_;
+  ReleaseDetector release_;
   RestDetector rest_;
   LowerBoundMonitor lower_bound_;
-  ContactSurroundings surroundings_;
-  SensorReadings readings_;
-  AbsorbedForce absorbed_;
-  HiddenForce hidden_;
-  HotFilm hot_film_;
-  MovedShare moved_share_;
-  TotalCertainty certainty_;
+  ZeroRefutation refutation_;
   LastBlocks blocks_;
   Witnesses witnesses_;
-  Block passed_;  ///< Place of what has passed since a witness was called.
 
-  TaxelFlags informative_;
+  // What is reported.
+  AbsorbedForce absorbed_;
+  HiddenForce hidden_;
+  ForceCovariance covariance_;
+  TotalCertainty certainty_;
+
   std::size_t restarts_ = 0;
   std::size_t processed_again_ = 0;
-  double recovering_ = 0.0;                ///< Time until forces may be valid after an interruption [s].
-  double rested_ = 0.0;                    ///< Time since a contact was listed, or an unknown one left [s].
-  double last_duration_ = kBlock;          ///< Duration of the last block [s].
-  std::vector<double> unheated_response_;  ///< Responses of the force errors without the hypothesis, [taxels, states].
-  double farthest_ = 0.0;                  ///< Greatest difference from the temperature of the calibration [K].
-  double expected_film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
-  double expected_rate_ = 0.0;             ///< which is this one [K/s].
-  double refuted_ = 0.0;  ///< By how much sensors contradict the zeros of the newest block [K]: something wide presses.
-  double unconfirmed_ = 0.0;  ///< Temperature that the hypothesis claims beyond what the sensors show [K].
-
-  std::vector<double> left_deviation_;      ///< Deviation of the charge that is left where an offset is unknown [N].
-  std::vector<double> noise_variance_;      ///< Variance of a reading [N2].
-  std::vector<double> leaked_;              ///< Force less signal at the end of the last block [N].
-  std::vector<double> mean_;                ///< Mean force of the last block [N].
-  std::vector<double> last_mean_;           ///< The one before, while a touch is unknown [N]; NaN: none.
-  std::vector<double> steady_;              ///< Force that follows the mean with a play: noise is no motion [N].
-  std::vector<double> stepped_;             ///< Variance by steps of the signal since a touch began [N2].
-  std::vector<double> left_force_;          ///< Force that left unseen, as the film had to recover from it then [N],
-  double unseen_for_ = 0.0;                 ///< and the time since then [s].
-  bool zero_known_ = false;                 ///< Whether a release or a forced tare has shown what no force is.
-  std::vector<double> touch_force_;         ///< Touched force of the last block [N].
-  std::vector<double> tail_;                ///< Its small forces beside a contact, if they declined geometrically [N].
-  std::vector<double> warmth_;              ///< Greatest relative warmth of the taxels [1].
-  std::vector<double> warmed_;              ///< Variance of the warmth of each taxel about the common one [N2].
-  std::vector<double> own_;                 ///< Variance of each force that it does not share [N2].
-  std::vector<double> untouched_variance_;  ///< The variance that it would have without a touch [N2].
-  TaxelFlags listed_;                       ///< Taxels in contact in the last block.
-  TaxelFlags touched_;                      ///< These, and those whose residual was unexplained.
-  TaxelFlags beside_;                       ///< These, and their neighbours.
-
-  // Work space of a step of the filter.
-  TaxelFlags small_;                   ///< Taxels beside a contact, with a small force.
-  TaxelFlags judged_;                  ///< Taxels whose residual counts.
-  TaxelFlags zeros_;                   ///< Taxels whose force is known.
-  TaxelFlags odd_;                     ///< Taxels whose residual is unexplained.
-  TaxelFlags left_;                    ///< Taxels of contacts whose film cools.
-  TaxelFlags chosen_;                  ///< Any others.
-  std::vector<double> measured_;       ///< [N].
-  std::vector<double> response_;       ///< [taxels, states].
-  std::vector<double> noise_;          ///< [N2].
-  std::vector<double> residual_;       ///< [N].
-  std::vector<double> sensitivity_;    ///< [taxels, states].
-  std::vector<double> deviation_;      ///< Of the residuals [N].
-  std::vector<double> own_deviation_;  ///< Of what they do not share [N].
-  std::vector<double> own_noise_;      ///< [taxels, own, own].
-  std::vector<double> leaked_share_;   ///< [1].
-  std::vector<double> driven_;         ///< [taxels, states].
-  std::vector<double> values_;         ///< Any, [taxels].
+  bool zero_known_ = false;        ///< Whether a release or a forced tare has shown what no force is.
+  double recovering_ = 0.0;        ///< Time until forces may be valid after an interruption [s].
+  double rested_ = 0.0;            ///< Time since a contact was listed, or an unknown one left [s].
+  double last_duration_ = kBlock;  ///< Duration of the last block [s].
+  double refuted_ = 0.0;           ///< By how much sensors contradict the zeros of the newest block [K]: something
+                                   ///< wide presses.
+  double unconfirmed_ = 0.0;       ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  std::vector<double>
+      left_charge_;  ///< Deviation of the charge that is left where an offset is unknown, as a force [N].
+  std::vector<double> noise_variance_;  ///< Variance of a reading [N2].
+  std::vector<double> leaked_;          ///< Force less signal at the end of the last block [N].
+  std::vector<double> mean_;            ///< Mean force of the last block [N].
+  std::vector<double> last_mean_;       ///< The one before, while a touch is unknown [N]; NaN: none.
+  TaxelFlags informative_;
+  TaxelFlags listed_;             ///< Taxels in contact in the last block.
+  TaxelFlags touched_;            ///< These, and those whose residual was unexplained.
+  TaxelFlags beside_;             ///< These, and their neighbours.
+  std::vector<double> response_;  ///< Work space: responses to the touch, [taxels, states],
+  std::vector<double> driven_;    ///< and what the drift adds to the force errors, [taxels, states].
 };
 
 }  // namespace posfet

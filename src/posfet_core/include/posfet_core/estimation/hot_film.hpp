@@ -9,8 +9,10 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
+#include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/flags.hpp"
 
@@ -23,29 +25,40 @@ public:
   /// Share of the warmth of a touch from which the film of a taxel may be warm [1].
   static constexpr double kWarmed = 0.05;
 
-  /// Time constant of the warmth of touched taxels [s].
-  HotFilm(std::size_t taxels, double warmth_time)
-      : warmth_time_(warmth_time), near_(taxels), below_(taxels), warm_(taxels) {}
+  /// Warmth of touched taxels, with its deviation, above which their forces are not valid [K]: force and warmth are
+  /// hardly separable then.
+  static constexpr double kGreatestWarmth = 0.08;
 
-  /// Whether this or the last touch has shown a hot film.
-  bool hot() const { return hot_; }
+  /// What may have warmed the film; arrays have one value for each taxel.
+  struct Warmed {
+    const std::vector<double>& warmth;  ///< Relative to that of a long touch [1].
+    const TaxelFlags& beside;           ///< Taxels that are touched, or beside such ones.
+  };
+
+  /// Pyroelectric signal of each taxel [N/K]; time constant of the warmth of touched taxels [s].
+  HotFilm(Grid grid, std::vector<double> newton_per_kelvin, double warmth_time)
+      : surroundings_(std::move(grid)),
+        newton_per_kelvin_(std::move(newton_per_kelvin)),
+        warmth_time_(warmth_time),
+        near_(newton_per_kelvin_.size()),
+        below_(newton_per_kelvin_.size()),
+        warm_(newton_per_kelvin_.size()) {}
+
+  /// Whether what touches may have warmed the film so much that force and warmth are hardly separable.
+  bool may_be_hot(const Belief& belief) const;
 
   /// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so: by the
-  /// warmth of each relative to that of a long touch, by what is beside the present touch, and by what it held below
-  /// zero, whose force, and so whose warmth, is unknown.
-  void find_warm(const std::vector<double>& warmth, const TaxelFlags& beside, const ContactSurroundings& surroundings);
-
-  /// What `find_warm` found.
-  const TaxelFlags& warm() const { return warm_; }
+  /// warmth of each, by what is beside the present touch, and by what it held below zero, whose force, and so whose
+  /// warmth, is unknown. Overwritten by the next call.
+  const TaxelFlags& find_warm(const Warmed& warmed);
 
   /// Keep the taxels that a hot film may hold below zero.
   void hold(const TaxelFlags& below) { below_.set(below.data()); }
 
-  /// Process forces below zero of some taxels [N], of pyroelectric signals [N/K]; return whether a hot film explains
-  /// one of them, as a touch may have warmed it and no object pulls: not one as brief as what looks like a touch where
-  /// an unknown force is released, nor one since before an interruption, of which a part may have leaked unseen.
-  bool explains(const TaxelFlags& below, const std::vector<double>& force,
-                const std::vector<double>& newton_per_kelvin);
+  /// Process forces below zero of some taxels [N]; return whether a hot film explains one of them, as a touch may have
+  /// warmed it and no object pulls: not one as brief as what looks like a touch where an unknown force is released, nor
+  /// one since before an interruption, of which a part may have leaked unseen.
+  bool explains(const TaxelFlags& below, const std::vector<double>& force, const Warmed& warmed);
 
   /// Process a block of some duration [s] in which something touches, or nothing.
   void follow(bool touches, double duration);
@@ -57,9 +70,11 @@ public:
   void forget();
 
 private:
+  ContactSurroundings surroundings_;
+  std::vector<double> newton_per_kelvin_;
   double warmth_time_;
-  bool hot_ = false;
-  bool shown_ = false;  ///< Whether the present touch has shown a hot film.
+  bool hot_ = false;    ///< Whether this or the last touch has shown a hot film.
+  bool shown_ = false;  ///< Whether the present touch has shown one.
   bool touches_ = false;
   bool begun_ = false;        ///< Whether the beginning of the present or last touch was seen.
   double touched_for_ = 0.0;  ///< How long this or the last touch has lasted [s].

@@ -16,9 +16,11 @@
 
 #include <cstddef>
 #include <optional>
+#include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/flags.hpp"
 #include "posfet_core/grid.hpp"
 #include "posfet_core/recycled.hpp"
@@ -72,6 +74,10 @@ public:
   /// `warmed`: by how much the film's temperature may have changed their sum within the window [N]; `noise`: variance
   /// of the noise of each sum of forces and of charges, which is the same noise [N2].
   std::optional<SharedMeasurement> observe(const SteadyWindow& window, double warmed, double noise);
+
+  /// Update a belief by what the taxels that count, with pyroelectric signals [N/K], have shown in the stored blocks.
+  void update(ForceErrorFilter& filter, const LastBlocks& blocks, const TaxelFlags& counts,
+              const std::vector<double>& newton_per_kelvin);
 
 private:
   int passed_ = 0;             ///< Blocks since the last window.

@@ -41,6 +41,12 @@ public:
   /// By how much the greatest thermal contact that there may be differs from the least [1].
   const std::vector<double>& range() const { return range_; }
 
+  /// By how much one taxel, or one object, differs in warmth from others, at a common warmth [K].
+  double warmth_difference(double warmth) const;
+
+  /// Variance of the warmth of a taxel about that, as a force [N2].
+  double warmth_variance(std::size_t taxel, double warmth) const;
+
   /// Charge by which the film's hysteresis differs from that of the force, as a force [N].
   const std::vector<double>& loops() const { return loops_; }
 

@@ -8,13 +8,14 @@
 /// What the temperature sensors alone say since some seconds ago.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/propagation.hpp"
+#include "posfet_core/estimation/touch_response.hpp"
 
 namespace posfet {
 
@@ -46,56 +47,37 @@ public:
   /// Least duration of a passage [s]: no less than there are witnesses, in blocks.
   static constexpr double kPassage = 0.09;
 
-  explicit Witnesses(std::size_t taxels);
-
-  std::size_t size() const { return size_; }
-  const Witness& operator[](std::size_t index) const { return witnesses_[index]; }
+  Witnesses(std::size_t taxels, const TouchResponse& touch);
 
   /// Forget all.
   void clear();
 
-  /// Record a block.
-  void pass(const Block& block);
+  /// Record a block, and let a witness follow. Where a reading is not what the sensors alone let expect, the
+  /// temperature does something of its own, and they know nothing of a press: all are forgotten.
+  void follow(const Block& block, Propagation& propagation);
 
-  /// The first witness that has not followed all passages; none: a null pointer.
-  Witness* behind();
-
-  /// The passage that a witness has to follow next.
-  const Passage& next(const Witness& witness) const { return passages_[witness.next]; }
+  /// The witness with the most evidence, if that is enough, and if zeros have hidden a press since then: they have made
+  /// the film, which is at some temperature [K], warmer in the sense of its signal [N/K]. None: a null pointer.
+  const Witness* best(double film, double per_kelvin) const;
 
   /// Call a witness of a belief, if the last one is old enough and no passage has begun.
   void call(const Belief& belief);
 
-  /// Call `visit` with a block for each passage since a witness was called, and for what has passed since the last of
-  /// them, for which `block` is the place: none of its taxels touched, and with equal parts of their process noise. At
-  /// least one passage has been since.
-  template <class Visit>
-  void replay(const Witness& witness, Block& block, const Visit& visit) const {
-    const bool begun = begun_.span > 0.0;
-    const auto count = static_cast<double>(passages_.size() - witness.first + (begun ? 1 : 0));
-    for (std::size_t index = 0; index < noise_.size(); ++index) {
-      block.own_noise[index] = (noise_[index] - witness.noise[index]) / count;
-    }
-    for (std::size_t taxel = 0; taxel < cooled_.size(); ++taxel) {
-      block.cooled[taxel] = -std::expm1((cooled_[taxel] - witness.cooled[taxel]) / count);
-    }
-    for (std::size_t index = witness.first; index < passages_.size(); ++index) {
-      static_cast<Passage&>(block) = passages_[index];
-      visit(block);
-    }
-    if (begun) {
-      static_cast<Passage&>(block) = begun_;
-      visit(block);
-    }
-  }
+  /// Set a belief to what it would be had nothing been known of the forces since a witness was called: none of the
+  /// taxels touched, and with equal parts of their process noise in each passage. At least one has been since.
+  void replay(const Witness& witness, ForceErrorFilter& filter, Propagation& propagation);
 
 private:
+  void pass(const Block& block);
+  Witness* behind();
+
   std::vector<Witness> witnesses_;
   std::size_t size_ = 0;
   std::vector<Passage> passages_;
   Passage begun_;               ///< The one that no reading has ended yet.
   std::vector<double> noise_;   ///< Sum of the process noise of the taxels since the start, [taxels, own, own].
   std::vector<double> cooled_;  ///< Logarithm of the share of their warmth that is left since the start [1].
+  Block passed_;                ///< Place of a passage.
 };
 
 }  // namespace posfet

@@ -9,6 +9,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
+#include <limits>
 
 #include "posfet_core/estimation/release_detector.hpp"
 
@@ -43,6 +45,13 @@ public:
 
   /// Whether the total force is significant.
   bool significant() const { return significant_; }
+
+  /// Force of a touched taxel from which on it has not left, however still it is [N], where a total force [N] presses
+  /// all of a number of taxels: what does that slowly is still. Infinite where nothing does.
+  double pressed_force(double total, std::size_t taxels) const {
+    const bool presses = significant_ && taxels > 0;
+    return presses ? kPressed * total / static_cast<double>(taxels) : std::numeric_limits<double>::infinity();
+  }
 
   /// Record that zeros have been refuted.
   void refute() {
