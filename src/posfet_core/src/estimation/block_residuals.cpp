@@ -26,8 +26,8 @@ constexpr double kTailNoise = 5e-7;
 
 }  // namespace
 
-BlockResiduals::BlockResiduals(EstimatedArray array, const ErrorPriors& priors, double per_kelvin)
-    : array_(std::move(array)), priors_(priors), per_kelvin_(per_kelvin) {
+BlockResiduals::BlockResiduals(EstimatedArray array, ErrorPriors priors, double per_kelvin)
+    : array_(std::move(array)), priors_(std::move(priors)), per_kelvin_(per_kelvin) {
   for (auto* values : {&measured_, &noise_, &values_, &deviation_, &own_deviation_}) {
     values->assign(array_.taxels(), 0.0);
   }

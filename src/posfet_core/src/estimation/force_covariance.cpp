@@ -57,27 +57,32 @@ double untouched_part(double variance, const double* own, bool beside) {
 
 }  // namespace
 
-ForceCovariance::ForceCovariance(EstimatedArray array, std::shared_ptr<ForceIntegration> integration)
+ForceCovariance::ForceCovariance(EstimatedArray array, const ErrorPriors& priors,
+                                 std::shared_ptr<ForceIntegration> integration)
     : array_(std::move(array)),
       integration_(std::move(integration)),
+      surroundings_(Grid(array_.layout)),
+      hidden_(array_.newton_per_kelvin, priors),
       own_(array_.taxels(), 0.0),
-      untouched_(array_.taxels(), 0.0),
-      factor_(array_.taxels() * kSharedStates, 0.0),
-      sensitivity_(array_.taxels() * kSharedStates, 0.0) {}
+      untouched_(array_.taxels(), 0.0) {}
 
 void ForceCovariance::update(const Block& block, const Known& known) {
   const Belief& b = *known.filter.belief();
-  const ForceIntegration::State& state = integration_->state();
-  known.filter.covariance_root(block.response.data(), own_.data(), factor_.data());
+  ForceIntegration::State& state = integration_->state();
+  hidden_.follow(block, b, {known.mean, known.absorbed, known.touched, !known.listed}, surroundings_);
+  Vector<double> factor(own_.size() * kSharedStates);
+  known.filter.covariance_root(block.response.data(), own_.data(), factor.data());
+  Vector<double> sensitivity(own_.size() * kSharedStates);  // of the forces but for a touch
   for (std::size_t taxel = 0; taxel < own_.size(); ++taxel) {
-    double* sensitivity = sensitivity_.data() + taxel * kSharedStates;
+    const std::size_t row = taxel * kSharedStates;
+    std::copy_n(factor.data() + row, kSharedStates, state.correlated_error.data() + taxel * kCauses);
     for (std::size_t each = 0; each < kSharedStates; ++each) {
-      const double response = is_of_touch(each) ? 0.0 : block.response[taxel * kSharedStates + each];
-      sensitivity[each] = response + b.slope_of(taxel, kForceError)[each];
+      const double response = is_of_touch(each) ? 0.0 : block.response[row + each];
+      sensitivity[row + each] = response + b.slope_of(taxel, kForceError)[each];
     }
   }
   Vector<double> shared_variance(own_.size());
-  known.filter.shared_variance(sensitivity_.data(), shared_variance.data());
+  known.filter.shared_variance(sensitivity.data(), shared_variance.data());
   const double object = object_difference(b, known.touch);
   for (std::size_t taxel = 0; taxel < own_.size(); ++taxel) {
     add_causes(taxel, known, object);
@@ -88,16 +93,15 @@ void ForceCovariance::update(const Block& block, const Known& known) {
   }
 }
 
-/// Set the row of a taxel in the factor of what the forces share.
-void ForceCovariance::add_causes(std::size_t taxel, const Known& known, double object) {
+/// Set what the causes beside the shared states contribute to the factor of a taxel.
+void ForceCovariance::add_causes(std::size_t taxel, const Known& known, double object) const {
   ForceIntegration::State& state = integration_->state();
   double* factor = state.correlated_error.data() + taxel * kCauses;
   const double response = array_.newton_per_kelvin[taxel];
   const double held = state.held[taxel];
-  std::copy_n(factor_.data() + taxel * kSharedStates, kSharedStates, factor);
   factor[kOfGain] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
   factor[kOfWarmerFilm] = response * known.unconfirmed;
-  factor[kOfSlowPress] = known.absorbed[taxel] + known.hidden[taxel];
+  factor[kOfSlowPress] = known.absorbed[taxel] + hidden_.values()[taxel];
   factor[kOfObject] = known.touched[taxel] ? response * known.touch.warm()[taxel] * object : 0.0;
   factor[kOfLostScans] = state.lost[taxel];
 }

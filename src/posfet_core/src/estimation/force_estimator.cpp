@@ -98,7 +98,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       per_kelvin_(integration_->mean_newton_per_kelvin()),
       uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
       filter_(make_belief(taxels(), priors_)),
-      propagation_(array_, priors_, uniform_.observable()),
+      propagation_(array_, priors_, per_kelvin_, uniform_.observable()),
       residuals_(array_, priors_, per_kelvin_),
       readings_(priors_.reading),
       rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
@@ -118,8 +118,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       blocks_(taxels(), touch_),
       witnesses_(taxels(), touch_),
       absorbed_(array_.time_constant, array_.newton_per_kelvin, uniform_.observable()),
-      hidden_(array_.newton_per_kelvin, priors_),
-      covariance_(array_, integration_),
+      covariance_(array_, priors_, integration_),
       certainty_(array_.threshold),
       left_charge_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)),
@@ -129,9 +128,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       informative_(taxels()),
       listed_(taxels()),
       touched_(taxels()),
-      beside_(taxels()),
-      response_(taxels() * kSharedStates, 0.0),
-      driven_(taxels() * kSharedStates, 0.0) {
+      beside_(taxels()) {
   const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
   state_.rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   start_block();
@@ -244,12 +241,13 @@ void ForceEstimator::forget_touch() {
   const SquareMatrix prior = priors_.covariance();
   hot_film_.forget();
   touched_forces_.forget_contact();
-  touch_.matrix(response_);
+  Vector<double> response(taxels() * kSharedStates);
+  touch_.matrix(response.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    const double* response = response_.data() + taxel * kSharedStates;
-    const double shown = b.error_of(taxel)[kForceError] + dot(response, b.shared.data(), kSharedStates);
+    const double* row = response.data() + taxel * kSharedStates;
+    const double shown = b.error_of(taxel)[kForceError] + dot(row, b.shared.data(), kSharedStates);
     std::array<double, kSharedStates> left{};
-    left[kFilm] = response[kFilm];
+    left[kFilm] = row[kFilm];
     b.reset_force_error(taxel, shown + touch_.loops()[taxel], left.data(), noise_variance_[taxel]);
   }
   for (std::size_t state = 0; state < kSharedStates; ++state) {
@@ -258,9 +256,9 @@ void ForceEstimator::forget_touch() {
     }
     b.restart(state, mean[state], prior[state * kSharedStates + state]);
     for (std::size_t taxel = 0; taxel < taxels() && (state == kWarmth || state == kWeakWarmth); ++taxel) {
-      const double response = response_[taxel * kSharedStates + state];
-      b.slope_of(taxel, kOwnWarmth)[state] = response;
-      b.error_of(taxel)[kOwnWarmth] += response * mean[state];
+      const double warmth = response[taxel * kSharedStates + state];
+      b.slope_of(taxel, kOwnWarmth)[state] = warmth;
+      b.error_of(taxel)[kOwnWarmth] += warmth * mean[state];
     }
   }
   touch_.reset();
@@ -271,7 +269,6 @@ void ForceEstimator::forget_touch() {
 void ForceEstimator::start(const double* charge) {
   integration_->inverse().start(charge);
   last_duration_ = kBlock;
-  ForceIntegration::State& s = state_;
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
     readings_.start(integration_->block());  // it says what these temperatures are, and nothing else
@@ -283,16 +280,18 @@ void ForceEstimator::start(const double* charge) {
   }
   Vector<double> before(taxels());
   Vector<double> remaining(taxels());
-  touch_.matrix(response_);
+  Vector<double> response(taxels() * kSharedStates);
+  touch_.matrix(response.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    leaked_[taxel] = s.raw[taxel] - integration_->signal(taxel);
-    const double left = s.offset_known[taxel] ? integration_->signal(taxel) - offset(taxel) : 0.0;
-    before[taxel] = s.ignored[taxel] ? 0.0 : s.force[taxel];
-    remaining[taxel] = s.ignored[taxel] ? 0.0 : left;
-    s.held[taxel] = s.force[taxel] = std::max(left, 0.0);
-    s.correction[taxel] = s.raw[taxel] - s.force[taxel];
-    s.clipped[taxel] = 0.0;
-    b.reset_force_error(taxel, s.correction[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
+    leaked_[taxel] = state_.raw[taxel] - integration_->signal(taxel);
+    const double left = state_.offset_known[taxel] ? integration_->signal(taxel) - offset(taxel) : 0.0;
+    before[taxel] = state_.ignored[taxel] ? 0.0 : state_.force[taxel];
+    remaining[taxel] = state_.ignored[taxel] ? 0.0 : left;
+    state_.held[taxel] = state_.force[taxel] = std::max(left, 0.0);
+    state_.correction[taxel] = state_.raw[taxel] - state_.force[taxel];
+    state_.clipped[taxel] = 0.0;
+    b.reset_force_error(taxel, state_.correction[taxel] - touch_.loops()[taxel],
+                        response.data() + taxel * kSharedStates,
                         noise_variance_[taxel] + b.own_of(taxel)[own_at(kOffset, kOffset)]);
   }
   lower_bound_.start(before.data(), remaining.data());
@@ -304,7 +303,7 @@ void ForceEstimator::start(const double* charge) {
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     absorbed_.restart(taxel, b);
     signals[taxel] = integration_->signal(taxel);
-    unknown[taxel] = !s.offset_known[taxel];
+    unknown[taxel] = !state_.offset_known[taxel];
   }
   forget_blocks();
   uniform_.close();
@@ -342,10 +341,11 @@ void ForceEstimator::restart(const TaxelFlags& where) {
   if (!where.any()) {
     return;
   }
-  touch_.matrix(response_);
+  Vector<double> response(taxels() * kSharedStates);
+  touch_.matrix(response.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     if (where[taxel]) {
-      restart_errors(taxel);
+      restart_errors(taxel, response.data() + taxel * kSharedStates);
     }
   }
   go_back_half(where);
@@ -362,16 +362,15 @@ void ForceEstimator::restart(const TaxelFlags& where) {
   forget_blocks();
 }
 
-/// Restart the errors of a taxel, with the present responses to the touch.
-void ForceEstimator::restart_errors(std::size_t taxel) {
+/// Restart the errors of a taxel, with its present responses to the touch.
+void ForceEstimator::restart_errors(std::size_t taxel, const double* response) {
   Belief& b = *belief();
   const double noise = noise_variance_[taxel];
   double* error = b.error_of(taxel);
   double* own = b.own_of(taxel);
   std::fill_n(b.slope_of(taxel, 0), kOwnStates * kSharedStates, 0.0);
   std::fill_n(own, kOwnStates * kOwnStates, 0.0);
-  b.reset_force_error(taxel, state_.raw[taxel] - touch_.loops()[taxel], response_.data() + taxel * kSharedStates,
-                      noise);
+  b.reset_force_error(taxel, state_.raw[taxel] - touch_.loops()[taxel], response, noise);
   error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
   own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
   if (state_.offset_known[taxel]) {
@@ -394,12 +393,13 @@ void ForceEstimator::restart_errors(std::size_t taxel) {
 /// Set the force errors of taxels, which are known now, to what they were in the middle of the last block.
 void ForceEstimator::go_back_half(const TaxelFlags& where) {
   Vector<double> leaked(taxels());
+  Vector<double> driven(taxels() * kSharedStates);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    double& drift = driven_[taxel * kSharedStates + kDrift];
+    double& drift = driven[taxel * kSharedStates + kDrift];
     leaked[taxel] = where[taxel] ? -0.5 * last_duration_ / integration_->time_constant(taxel) : 0.0;
     drift = where[taxel] ? -0.5 * last_duration_ * integration_->block().leak : 0.0;
   }
-  belief()->integrate(leaked.data(), driven_.data());
+  belief()->integrate(leaked.data(), driven.data());
 }
 
 void ForceEstimator::start_block() {

@@ -8,7 +8,6 @@
 // What a block shows: its mean forces, the reading of the temperature, the touch, and the noise.
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <utility>
@@ -47,7 +46,7 @@ void ForceEstimator::measure(Block& block) {
   block.touch_before = touch_;
   touch_.advance(touched_forces_.pressing(), touched_forces_.least(), touched_forces_.most(), block.duration,
                  known_errors(*belief(), block));
-  touch_.matrix(block.response);
+  touch_.matrix(block.response.data());
   block.warming = touch_.warming();
   std::transform(block.mean.begin(), block.mean.end(), touch_.loops().begin(), block.mean.begin(), std::minus<>());
   unseen_.pass(block.span);
@@ -88,24 +87,8 @@ void ForceEstimator::observe_noise(const Block& block) {
   } else {
     const double known = rest_noise_.walk().intensity();
     rest_noise_.observe_walk(blocks_, *belief(), counted);
-    admit_walk(known);
+    propagation_.admit_walk(filter_, rest_noise_.walk().intensity(), known, age());
   }
-}
-
-/// Admit what a random walk of the temperature may have done that was weaker as far as was known [K2/s]. As far as it
-/// can look like a drift of the offsets, it counted as one: the film warmed by less then, since the start, and zeros
-/// were the same.
-void ForceEstimator::admit_walk(double known) {
-  const double walk = rest_noise_.walk().intensity();
-  if (walk > known) {
-    std::array<double, kSharedStates> drifting{};
-    drifting[kDrift] = 1.0;
-    drifting[kRate] = -1.0 / per_kelvin_;
-    drifting[kChip] = drifting[kFilm] = drifting[kSensor] = age() * drifting[kRate];
-    const double observed = std::min(age(), TemperatureWalk::kMemory * TemperatureWalk::kLeastTime);
-    filter_.widen(drifting.data(), square(per_kelvin_ / age()) * (walk - known) * observed);
-  }
-  propagation_.set_film_walk(walk);
 }
 
 /// Find a taxel whose force drifts alone: its signal has stepped, at some time since it was last known to be still.

@@ -48,8 +48,8 @@ void ForceEstimator::finish(const Block& block) {
   }
   absorbed_.follow(block, b, rate, beside_);
   absorbed_.find(b, touched_, ignored());
-  hidden_.follow(block, b, {mean_, absorbed_.values(), touched_, !listed_.any()}, surroundings_);
-  covariance_.update(block, {filter_, touch_, absorbed_.values(), hidden_.values(), touched_, beside_, unconfirmed_});
+  covariance_.update(block,
+                     {filter_, touch_, mean_, absorbed_.values(), touched_, beside_, listed_.any(), unconfirmed_});
   find_hot_touch();
   recovering_ = std::max(0.0, recovering_ - block.duration);
   TaxelFlags runaway(taxels());

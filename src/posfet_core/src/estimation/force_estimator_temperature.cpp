@@ -14,14 +14,10 @@
 
 namespace posfet {
 
-/// Whether the rate of the temperature has changed since the oldest stored block by more than its dynamics let expect,
-/// as the forces rose: zeros of what a wide object presses do that, each by too little to be noticed.
-bool ForceEstimator::was_misled() { return propagation_.unexpected_change(blocks_, *belief()) * per_kelvin_ > 0.0; }
-
 /// By how much zeros of a wide object may have changed the film's temperature unnoticed since the oldest stored block
 /// [K]. Not soon after a contact, whose release moves the rate, too.
 double ForceEstimator::unnoticed_change() {
-  if (!has_rested() || !was_misled()) {
+  if (!has_rested() || !propagation_.is_misled(blocks_, *belief())) {
     return 0.0;
   }
   const std::vector<double>& before = blocks_[0].before.shared;
@@ -92,7 +88,7 @@ void ForceEstimator::take_unheated(Block& block, Zeros& zeros) {
     block.mean[taxel] -= unheated_.touch().loops()[taxel] - touch_.loops()[taxel];
   }
   touch_ = unheated_.touch();
-  touch_.matrix(block.response);
+  touch_.matrix(block.response.data());
   block.warming = touch_.warming();
   residuals_.take_forces(filter_, block);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {

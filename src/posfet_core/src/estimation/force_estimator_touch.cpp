@@ -150,7 +150,7 @@ void ForceEstimator::release(Block& block, const Vector<const Taxels*>& contacts
       belief()->own_of(taxel)[own_at(kForceError, kForceError)] += square(absorbed_.values()[taxel]);
     }
   }
-  touch_.matrix(block.response);
+  touch_.matrix(block.response.data());
   residuals_.expect_release(block);
   residuals_.compare(filter_);
   residuals_.update_alone(filter_, left);

@@ -30,7 +30,7 @@ constexpr double kRejected = 3.0;
 /// refuted the zeros of all, the rate may have been wrong before these blocks, too.
 void ForceEstimator::process_again(const TaxelFlags& touched) {
   ++processed_again_;
-  const bool wide = refuted_ != 0.0 || was_misled();
+  const bool wide = refuted_ != 0.0 || propagation_.is_misled(blocks_, *belief());
   *belief() = blocks_[0].before;
   if (refuted_ != 0.0) {
     witnesses_.clear();  // of another past
@@ -70,7 +70,7 @@ void ForceEstimator::step(std::size_t index) {
   block.unlikely = std::min(found.square, square(kSurprising)) + found.spread;
   const bool hidden = zeros && found.kelvin * per_kelvin_ < 0.0 && !uniform_.open() && has_rested();
   refuted_ = 0.0;
-  if (hidden && found.deviations > ZeroRefutation::kContradicted && was_misled()) {
+  if (hidden && found.deviations > ZeroRefutation::kContradicted && propagation_.is_misled(blocks_, *belief())) {
     refuted_ = found.kelvin;
     refutation_.refute();
   }

@@ -29,8 +29,11 @@ double* noise_of(Block& block, std::size_t taxel) { return block.own_noise.data(
 
 }  // namespace
 
-ProcessNoise::ProcessNoise(EstimatedArray array, const ErrorPriors& priors)
-    : array_(std::move(array)), priors_(priors), surroundings_(Grid(array_.layout)), moved_share_(array_.taxels()) {
+ProcessNoise::ProcessNoise(EstimatedArray array, ErrorPriors priors)
+    : array_(std::move(array)),
+      priors_(std::move(priors)),
+      surroundings_(Grid(array_.layout)),
+      moved_share_(array_.taxels()) {
   for (auto* values : {&stepped_, &force_, &before_, &deviation_, &tail_, &warmth_, &warmed_}) {
     values->assign(array_.taxels(), 0.0);
   }

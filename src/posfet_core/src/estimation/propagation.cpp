@@ -13,7 +13,9 @@
 #include <utility>
 
 #include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/numbers.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
@@ -35,12 +37,12 @@ bool is_surprising(const TemperatureInnovation& found) {
 
 }  // namespace
 
-Propagation::Propagation(EstimatedArray array, const ErrorPriors& priors, bool observable)
+Propagation::Propagation(EstimatedArray array, const ErrorPriors& priors, double per_kelvin, bool observable)
     : array_(std::move(array)),
       priors_(priors),
+      per_kelvin_(per_kelvin),
       observable_(observable),
-      dynamics_(priors, array_.film_lag),
-      driven_(array_.taxels() * kSharedStates, 0.0) {}
+      dynamics_(priors, array_.film_lag) {}
 
 void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
   Belief& b = *filter.belief();
@@ -50,12 +52,12 @@ void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
     elsewhere[taxel] = !block.is_small(taxel);
   }
   b.forget_small_forces(elsewhere.data());
-  own_noise_ = block.own_noise;
+  Vector<double> own_noise(block.own_noise.begin(), block.own_noise.end());
   const double spread = tail_spread(priors_, b);
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     const std::size_t place = taxel * kOwnStates * kOwnStates + own_at(kSmallForce, kSmallForce);
     if (block.is_small(taxel) && b.own[place] == 0.0) {  // beside the contact since now
-      own_noise_[place] = square(spread * block.tail[taxel] + priors_.tail_least * block.neighbour[taxel]);
+      own_noise[place] = square(spread * block.tail[taxel] + priors_.tail_least * block.neighbour[taxel]);
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span, block.warming);
@@ -65,15 +67,16 @@ void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
   const double warming = shared.after[kFilm] - b.shared[kFilm];
   Vector<double> warmed(taxels);
   Vector<double> leaked(taxels);
+  Vector<double> driven(taxels * kSharedStates);
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     warmed[taxel] = array_.newton_per_kelvin[taxel] * warming;
     leaked[taxel] = block.span * block.leak / array_.time_constant[taxel];
-    driven_[taxel * kSharedStates + kDrift] = block.span * block.leak;
+    driven[taxel * kSharedStates + kDrift] = block.span * block.leak;
   }
   b.respond(warmed.data());
   b.cool(block.cooled.data());
-  filter.predict({shared.after.data(), shared.matrix.data(), shared.noise.data(), leaked.data(), driven_.data(),
-                  own_noise_.data()});
+  filter.predict(
+      {shared.after.data(), shared.matrix.data(), shared.noise.data(), leaked.data(), driven.data(), own_noise.data()});
 }
 
 /// Let the tail change by as much as it is as the forces beside the contact change.
@@ -119,15 +122,27 @@ Propagation::Contradiction Propagation::measure_temperature(ForceErrorFilter& fi
   return contradiction;
 }
 
-double Propagation::unexpected_change(const LastBlocks& blocks, const Belief& belief) {
+bool Propagation::is_misled(const LastBlocks& blocks, const Belief& belief) {
   if (blocks.size() == 0) {
-    return 0.0;
+    return false;
   }
   const Belief& before = blocks[0].before;
   const double change = belief.shared[kRate] - before.shared[kRate];
   const double noise = dynamics_.transition(before.shared, blocks.newest().span).noise[kRate * kSharedStates + kRate];
   const double variance = before.variance(kRate) + static_cast<double>(blocks.size()) * noise;
-  return square(change) > square(kSurprising) * variance ? change : 0.0;
+  return change * per_kelvin_ > 0.0 && square(change) > square(kSurprising) * variance;
+}
+
+void Propagation::admit_walk(ForceErrorFilter& filter, double walk, double known, double age) {
+  if (walk > known) {
+    std::array<double, kSharedStates> drifting{};
+    drifting[kDrift] = 1.0;
+    drifting[kRate] = -1.0 / per_kelvin_;
+    drifting[kChip] = drifting[kFilm] = drifting[kSensor] = age * drifting[kRate];
+    const double observed = std::min(age, TemperatureWalk::kMemory * TemperatureWalk::kLeastTime);
+    filter.widen(drifting.data(), square(per_kelvin_ / age) * (walk - known) * observed);
+  }
+  dynamics_.set_film_walk(walk);
 }
 
 double Propagation::film_rate(const Belief& belief) const {

@@ -186,8 +186,8 @@ void bind_touch_response(const py::module_& module) {
       .def(
           "matrix",
           [](const TouchResponse& response) {
-            std::vector<double> matrix;
-            response.matrix(matrix);
+            std::vector<double> matrix(response.taxels() * kSharedStates);
+            response.matrix(matrix.data());
             return array_of(matrix, static_cast<py::ssize_t>(kSharedStates));
           },
           "Return the responses of the force errors to the shared states, [taxels, states].");

@@ -134,13 +134,13 @@ void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth)
   }
 }
 
-void TouchResponse::matrix(std::vector<double>& response) const {
-  response.assign(tau_.size() * kSharedStates, 0.0);
+void TouchResponse::matrix(double* response) const {
+  std::fill_n(response, tau_.size() * kSharedStates, 0.0);
   const double total = sum(force_);
   const double moment_x = dot(force_.data(), x_.data(), force_.size());
   const double moment_y = dot(force_.data(), y_.data(), force_.size());
   for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
-    double* row = response.data() + taxel * kSharedStates;
+    double* row = response + taxel * kSharedStates;
     row[kFilm] = per_kelvin_[taxel];
     row[kBend] = total * priors_.bend_profile[taxel];
     row[kBendX] = total * x_[taxel];

@@ -30,9 +30,9 @@ constexpr double kPlay = 4.0;
 
 }  // namespace
 
-TouchedForces::TouchedForces(EstimatedArray array, const ErrorPriors& priors, double per_kelvin)
+TouchedForces::TouchedForces(EstimatedArray array, ErrorPriors priors, double per_kelvin)
     : array_(std::move(array)),
-      priors_(priors),
+      priors_(std::move(priors)),
       per_kelvin_(per_kelvin),
       surroundings_(Grid(array_.layout)),
       held_(Grid(array_.layout)),

@@ -14,13 +14,13 @@
 
 #include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
+#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 
 UnheatedBelief::UnheatedBelief(TouchResponse touch)
     : filter_(std::make_shared<Belief>(touch.taxels(), kSharedStates)),
       touch_(std::move(touch)),
-      response_(touch_.taxels() * kSharedStates, 0.0),
       force_(touch_.taxels(), 0.0) {}
 
 void UnheatedBelief::begin(const LastBlocks& blocks, Propagation& propagation, const TaxelFlags& ignored) {
@@ -38,8 +38,9 @@ void UnheatedBelief::begin(const LastBlocks& blocks, Propagation& propagation, c
 void UnheatedBelief::follow(const Block& block, Propagation& propagation, const TaxelFlags& ignored) {
   propagation.predict(filter_, block);
   propagation.measure_temperature(filter_, block, false);
-  touch_.matrix(response_);
-  filter_.forces(block.mean.data(), response_.data(), force_.data());
+  Vector<double> response(force_.size() * kSharedStates);
+  touch_.matrix(response.data());
+  filter_.forces(block.mean.data(), response.data(), force_.data());
   for (std::size_t taxel = 0; taxel < force_.size(); ++taxel) {
     force_[taxel] = ignored[taxel] ? 0.0 : std::max(force_[taxel], 0.0);
   }

@@ -22,12 +22,22 @@
 
 namespace posfet {
 
+/// Taxels of a block, as its zeros count.
+struct Zeros {
+  explicit Zeros(std::size_t taxels) : judged(taxels), faulty(taxels), known(taxels), odd(taxels) {}
+
+  TaxelFlags judged;  ///< Taxels whose residual counts,
+  TaxelFlags faulty;  ///< and faulty ones in no contact, which say nothing of the others.
+  TaxelFlags known;   ///< Taxels whose force is known to be none, or small.
+  TaxelFlags odd;     ///< Taxels whose residual is unexplained.
+};
+
 /// Knows what each taxel measures of the errors if its force is none, or a small one beside a contact; how that
 /// responds to the shared states; and what is left of it beyond the belief.
 class BlockResiduals {
 public:
   /// `per_kelvin`: mean signal of a change of the film's temperature [N/K].
-  BlockResiduals(EstimatedArray array, const ErrorPriors& priors, double per_kelvin);
+  BlockResiduals(EstimatedArray array, ErrorPriors priors, double per_kelvin);
 
   /// Expect no force, and small ones beside a contact.
   void expect_small_forces(const Block& block, const Belief& belief, const TouchResponse& touch);

@@ -13,8 +13,11 @@
 #include <vector>
 
 #include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/hidden_force.hpp"
 #include "posfet_core/estimation/touch_response.hpp"
 #include "posfet_core/flags.hpp"
 #include "posfet_core/force_integration.hpp"
@@ -30,14 +33,15 @@ public:
   struct Known {
     const ForceErrorFilter& filter;       ///< After the block.
     const TouchResponse& touch;           ///< After the block.
-    const std::vector<double>& absorbed;  ///< What zeros may have taken of a press [N],
-    const std::vector<double>& hidden;    ///< and what warmth may hide of it [N].
+    const std::vector<double>& mean;      ///< Mean force [N].
+    const std::vector<double>& absorbed;  ///< What zeros may have taken of it [N].
     const TaxelFlags& touched;            ///< Touched taxels,
     const TaxelFlags& beside;             ///< and their neighbours.
+    bool listed;                          ///< Whether a contact is listed.
     double unconfirmed;                   ///< Temperature of the film that the sensors do not show [K].
   };
 
-  ForceCovariance(EstimatedArray array, std::shared_ptr<ForceIntegration> integration);
+  ForceCovariance(EstimatedArray array, const ErrorPriors& priors, std::shared_ptr<ForceIntegration> integration);
 
   /// Find the covariance at the end of a block, with the touched forces that the integration holds then.
   void update(const Block& block, const Known& known);
@@ -56,14 +60,14 @@ public:
   double total_deviation(const TaxelFlags& counted) const;
 
 private:
-  void add_causes(std::size_t taxel, const Known& known, double object);
+  void add_causes(std::size_t taxel, const Known& known, double object) const;
 
   EstimatedArray array_;
   std::shared_ptr<ForceIntegration> integration_;
+  ContactSurroundings surroundings_;
+  HiddenForce hidden_;
   std::vector<double> own_;
   std::vector<double> untouched_;
-  std::vector<double> factor_;       ///< Factor of what the shared states cause, [taxels, states].
-  std::vector<double> sensitivity_;  ///< Sensitivity of the forces to them but for a touch, [taxels, states].
 };
 
 }  // namespace posfet

@@ -30,7 +30,6 @@
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_covariance.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
-#include "posfet_core/estimation/hidden_force.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
 #include "posfet_core/estimation/lone_drift.hpp"
 #include "posfet_core/estimation/lower_bound_monitor.hpp"
@@ -164,16 +163,6 @@ public:
   bool touch_at_start = false;
 
 private:
-  /// Taxels of a block, as its zeros count.
-  struct Zeros {
-    explicit Zeros(std::size_t taxels) : judged(taxels), faulty(taxels), known(taxels), odd(taxels) {}
-
-    TaxelFlags judged;  ///< Taxels whose residual counts,
-    TaxelFlags faulty;  ///< and faulty ones in no contact, which say nothing of the others.
-    TaxelFlags known;   ///< Taxels whose force is known to be none, or small.
-    TaxelFlags odd;     ///< Taxels whose residual is unexplained.
-  };
-
   // What the estimates say (force_estimator.cpp).
   double offset(std::size_t taxel) const;
   /// Whether the reading of a taxel is a force: not of a faulty one, unless it still counts in sums.
@@ -185,7 +174,7 @@ private:
   void estimate(const bool* in_contact, const Vector<const Taxels*>& contacts);
   bool is_refuted(Block& block);
   void restart(const TaxelFlags& where);
-  void restart_errors(std::size_t taxel);
+  void restart_errors(std::size_t taxel, const double* response);
   void go_back_half(const TaxelFlags& where);
   void forget_touch();
   void forget_contacts();
@@ -195,7 +184,6 @@ private:
   void measure(Block& block);
   void measure_process_noise(Block& block);
   void observe_noise(const Block& block);
-  void admit_walk(double known);
   void observe_lone_drift(const Block& block);
 
   // A step of the filter (force_estimator_update.cpp).
@@ -208,7 +196,6 @@ private:
   void restart_or_correct(Block& block, TaxelFlags& odd);
 
   // Temperature, or a press (force_estimator_temperature.cpp).
-  bool was_misled();
   double unnoticed_change();
   bool follow_witnesses(Block& block);
   void explain_by_temperature(std::size_t index, Zeros& zeros);
@@ -266,31 +253,27 @@ private:
 
   // What is reported.
   AbsorbedForce absorbed_;
-  HiddenForce hidden_;
   ForceCovariance covariance_;
   TotalCertainty certainty_;
 
   std::size_t restarts_ = 0;
   std::size_t processed_again_ = 0;
-  bool zero_known_ = false;        ///< Whether a release or a forced tare has shown what no force is.
-  double recovering_ = 0.0;        ///< Time until forces may be valid after an interruption [s].
-  double rested_ = 0.0;            ///< Time since a contact was listed, or an unknown one left [s].
-  double last_duration_ = kBlock;  ///< Duration of the last block [s].
-  double refuted_ = 0.0;           ///< By how much sensors contradict the zeros of the newest block [K]: something
-                                   ///< wide presses.
-  double unconfirmed_ = 0.0;       ///< Temperature that the hypothesis claims beyond what the sensors show [K].
-  std::vector<double>
-      left_charge_;  ///< Deviation of the charge that is left where an offset is unknown, as a force [N].
+  bool zero_known_ = false;             ///< Whether a release or a forced tare has shown what no force is.
+  double recovering_ = 0.0;             ///< Time until forces may be valid after an interruption [s].
+  double rested_ = 0.0;                 ///< Time since a contact was listed, or an unknown one left [s].
+  double last_duration_ = kBlock;       ///< Duration of the last block [s].
+  double refuted_ = 0.0;                ///< By how much sensors contradict the zeros of the newest block [K]: something
+                                        ///< wide presses.
+  double unconfirmed_ = 0.0;            ///< Temperature that the hypothesis claims beyond what the sensors show [K].
+  std::vector<double> left_charge_;     ///< Deviation of what is left where an offset is unknown, as a force [N].
   std::vector<double> noise_variance_;  ///< Variance of a reading [N2].
   std::vector<double> leaked_;          ///< Force less signal at the end of the last block [N].
   std::vector<double> mean_;            ///< Mean force of the last block [N].
   std::vector<double> last_mean_;       ///< The one before, while a touch is unknown [N]; NaN: none.
   TaxelFlags informative_;
-  TaxelFlags listed_;             ///< Taxels in contact in the last block.
-  TaxelFlags touched_;            ///< These, and those whose residual was unexplained.
-  TaxelFlags beside_;             ///< These, and their neighbours.
-  std::vector<double> response_;  ///< Work space: responses to the touch, [taxels, states],
-  std::vector<double> driven_;    ///< and what the drift adds to the force errors, [taxels, states].
+  TaxelFlags listed_;   ///< Taxels in contact in the last block.
+  TaxelFlags touched_;  ///< These, and those whose residual was unexplained.
+  TaxelFlags beside_;   ///< These, and their neighbours.
 };
 
 }  // namespace posfet

@@ -48,7 +48,7 @@ public:
     bool may_be_hot;                      ///< Whether warmth may be hardly separable from force.
   };
 
-  ProcessNoise(EstimatedArray array, const ErrorPriors& priors);
+  ProcessNoise(EstimatedArray array, ErrorPriors priors);
 
   /// Find the noise of a block, and the share of its warmth that each taxel loses in it.
   void measure(Block& block, const Shown& shown);

@@ -36,8 +36,8 @@ public:
     double spread;      ///< and the logarithm of that variance [1].
   };
 
-  /// `observable`: whether zero forces determine the temperature of the film.
-  Propagation(EstimatedArray array, const ErrorPriors& priors, bool observable);
+  /// Mean signal of a change of the film's temperature [N/K]; `observable`: whether zero forces determine that.
+  Propagation(EstimatedArray array, const ErrorPriors& priors, double per_kelvin, bool observable);
 
   /// Propagate a belief over a block.
   void predict(ForceErrorFilter& filter, const Block& block);
@@ -57,12 +57,14 @@ public:
     return dynamics_.maneuver(belief.shared, duration);
   }
 
-  /// By how much the rate of the temperature has changed since the oldest stored block, where that is more than its
-  /// dynamics let expect [K/s]; else 0.
-  double unexpected_change(const LastBlocks& blocks, const Belief& belief);
+  /// Whether the rate of the temperature has changed since the oldest stored block by more than its dynamics let
+  /// expect, as the forces rose: zeros of what a wide object presses do that, each by too little to be noticed.
+  bool is_misled(const LastBlocks& blocks, const Belief& belief);
 
-  /// Set the variance by which the temperature of chip and film grows in each second [K2/s].
-  void set_film_walk(double intensity) { dynamics_.set_film_walk(intensity); }
+  /// Set the random walk of the temperature, and admit what it may have done that was weaker as far as was known
+  /// [K2/s], at some time since the start [s]. As far as it can look like a drift of the offsets, it counted as one:
+  /// the film warmed by less then, and zeros were the same.
+  void admit_walk(ForceErrorFilter& filter, double walk, double known, double age);
 
   /// Rate of the film's temperature [K/s].
   double film_rate(const Belief& belief) const;
@@ -72,10 +74,9 @@ private:
 
   EstimatedArray array_;
   ErrorPriors priors_;
+  double per_kelvin_;
   bool observable_;
   SharedDynamics dynamics_;
-  std::vector<double> own_noise_;  ///< Process noise of the taxels, with that of small forces [taxels, own, own].
-  std::vector<double> driven_;     ///< What the shared states add to the force errors, [taxels, states].
 };
 
 }  // namespace posfet

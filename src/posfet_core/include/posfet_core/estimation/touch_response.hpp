@@ -72,7 +72,7 @@ public:
   void reduce_warmth(std::size_t taxel, double left, double warmth);
 
   /// Find the responses h of the force errors to the shared states, [taxels, states].
-  void matrix(std::vector<double>& response) const;
+  void matrix(double* response) const;
 
 private:
   void follow_loops(const std::vector<double>& force);

@@ -38,7 +38,7 @@ public:
   };
 
   /// `per_kelvin`: mean signal of a change of the film's temperature [N/K].
-  TouchedForces(EstimatedArray array, const ErrorPriors& priors, double per_kelvin);
+  TouchedForces(EstimatedArray array, ErrorPriors priors, double per_kelvin);
 
   /// Follow the forces of a block; finds what its touch lets the taxels beside it feel.
   void follow(Block& block, const Shown& shown);

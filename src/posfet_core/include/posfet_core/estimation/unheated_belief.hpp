@@ -44,10 +44,9 @@ public:
 private:
   ForceErrorFilter filter_;
   TouchResponse touch_;
-  std::vector<double> response_;  ///< Responses of the force errors, [taxels, states].
-  std::vector<double> force_;     ///< Forces of that touch [N].
-  double film_ = 0.0;             ///< Temperature of the film without any change of its rate [K],
-  double rate_ = 0.0;             ///< which is this one [K/s].
+  std::vector<double> force_;  ///< Forces of that touch [N].
+  double film_ = 0.0;          ///< Temperature of the film without any change of its rate [K],
+  double rate_ = 0.0;          ///< which is this one [K/s].
 };
 
 }  // namespace posfet
