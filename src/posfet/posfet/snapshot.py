@@ -173,9 +173,7 @@ class Record:
         if before is not None and restarted:
             self._before = self._before[0] + before.scans, self._before[1] + before.scans_lost
         self.ids.update(contact.id for contact in snapshot.contacts)
-        if snapshot.data_valid:
-            compared = [true for true in snapshot.truth if true.force >= MIN_COMPARED_FORCE]
-            self.errors += [position_error(snapshot, true) for true in compared]
+        self.errors += position_errors(snapshot)
         return math.nan if before is None or restarted else rate(before, snapshot)
 
     def summary(self) -> str:
@@ -186,7 +184,7 @@ class Record:
         whole = replace(self.last, scans=self.last.scans + scans, scans_lost=self.last.scans_lost + missing)
         words = [
             f"{whole.time - self.first.time:.1f} s",
-            f"{whole.scans} scans",
+            f"{whole.scans - self.first.scans} scans",
             f"{rate(self.first, whole):.0f} scans/s",
             f"{whole.frames_lost} frames lost",
             f"{whole.scans_lost} scans missing",
@@ -212,18 +210,20 @@ def rate(before: Snapshot, after: Snapshot) -> float:
     return (after.scans - before.scans) / elapsed if elapsed > 0 else math.nan
 
 
-def position_error(snapshot: Snapshot, true: TrueContact) -> float:
-    """Return the distance of a true contact from the nearest reported one [m], infinite if there is none.
+def position_errors(snapshot: Snapshot) -> list[float]:
+    """Return the distance of each true contact from the nearest reported one [m], infinite if there is none.
 
     Parameters
     ----------
     snapshot : Snapshot
-        Snapshot with the reported contacts.
-    true : TrueContact
-        Contact of the ground truth.
+        Snapshot with the reported contacts. True contacts of less than `MIN_COMPARED_FORCE` are not compared, and none
+        is while forces are not valid.
     """
-    distances = [math.hypot(contact.x - true.x, contact.y - true.y) for contact in snapshot.contacts]
-    return min(distances, default=math.inf)
+    compared = [true for true in snapshot.truth if snapshot.data_valid and true.force >= MIN_COMPARED_FORCE]
+    return [
+        min((math.hypot(contact.x - true.x, contact.y - true.y) for contact in snapshot.contacts), default=math.inf)
+        for true in compared
+    ]
 
 
 def line(snapshot: Snapshot, elapsed: float, scan_rate: float, age: float = 0.0) -> str:

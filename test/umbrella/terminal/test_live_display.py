@@ -59,6 +59,12 @@ def test_forces_contacts_and_losses_are_shown() -> None:
         assert expected in text, text
 
 
+def test_a_light_true_contact_beside_another_one_is_not_compared() -> None:
+    [true] = SNAPSHOT.truth
+    lifting = replace(true, x=-5e-3, force=0.01)
+    assert "CoP error against truth: 0.05 mm max" in "\n".join(lines(with_snapshot(truth=(true, lifting)), width=100))
+
+
 def test_each_taxel_has_its_force_or_why_there_is_none() -> None:
     found = lines()
     upper = next(line for line in found if "dead" in line)

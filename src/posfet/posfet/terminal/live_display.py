@@ -16,7 +16,7 @@ from rich.console import Group
 from rich.text import Text
 
 from posfet.number_text import counted, fixed, signed
-from posfet.snapshot import ContactView, Snapshot, old_text, position_error
+from posfet.snapshot import ContactView, Snapshot, old_text, position_errors
 from posfet.terminal.force_history import SPAN, ForceHistory
 from posfet.terminal.force_map import KINDS, fitting, map_lines
 
@@ -52,7 +52,7 @@ class Shown:
     message: str = ""
     """Answer to a key, or the newest line of the log."""
     paused: bool = False
-    """Whether the picture is frozen."""
+    """Whether map and contacts are frozen."""
     keys: str = ""
     """Hints about keys."""
     link: str = ""
@@ -114,7 +114,7 @@ def _head(shown: Shown, width: int) -> list[Text]:
 def _trouble(shown: Shown) -> Text:
     """Return the most important thing to know, '' if there is none."""
     if shown.paused:
-        return Text("paused: the picture is frozen, the stack goes on", style="bold yellow")
+        return Text("paused: map and contacts are frozen, the stack goes on", style="bold yellow")
     if old := old_text(shown.snapshot, shown.age):
         return Text(old, style="bold red")
     if not shown.snapshot.data_valid:
@@ -146,7 +146,7 @@ def _beside(shown: Shown, width: int) -> list[Text]:
         rows = [Text("  no contact" if snapshot.data_valid else "  unknown until forces are valid", style="dim")]
     lines += rows + [Text("")] * (CONTACTS - len(rows))
     more = len(snapshot.contacts) - CONTACTS
-    errors = [position_error(snapshot, true) for true in snapshot.truth]
+    errors = position_errors(snapshot)
     off = f"CoP error against truth: {max(errors) * 1e3:.2f} mm max" if errors and snapshot.contacts else ""
     lines.append(Text(f"and {more} more" if more > 0 else off, style="dim"))
     top, columns = f"{shown.history.full_scale:g} N", width - 8
