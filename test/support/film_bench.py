@@ -21,7 +21,6 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_core import scan_path
 from posfet_model.calibration.bench_signals import Recording
 from posfet_model.sensor.description import Layout, Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
@@ -106,8 +105,15 @@ def lag(time: Floats, values: Floats, tau: float) -> Floats:
         return values.copy()
     half = 0.5 * float(time[1] - time[0]) / tau
     change = half / (1.0 + half) * (values[1:] + values[:-1] - 2.0 * values[0])
-    decay = np.full(len(change), (1.0 - half) / (1.0 + half))
-    return values[0] + scan_path.recurrence(decay, change.reshape(len(change), -1)).reshape(values.shape)
+    return values[0] + _accumulated((1.0 - half) / (1.0 + half), change)
+
+
+def _accumulated(kept: Floats | float, change: Floats) -> Floats:
+    """Return the states x of x[k + 1] = kept*x[k] + change[k], from x[0] = 0."""
+    states = np.zeros((len(change) + 1, *change.shape[1:]))
+    for step, added in enumerate(change):
+        states[step + 1] = kept * states[step] + added
+    return states
 
 
 def with_hysteresis(force: Floats, film: Film) -> Floats:
@@ -178,9 +184,7 @@ def record(
     if change is not None:
         source = change(time, source)
     half = 0.5 / RATE / tau
-    decay = np.tile((1.0 - half) / (1.0 + half), (len(time) - 1, 1))
-    change = np.diff(source, axis=0) / (1.0 + half)
-    charge = np.hstack([scan_path.recurrence(decay[:, each], change[:, [each]]) for each in range(taxels)])
+    charge = _accumulated((1.0 - half) / (1.0 + half), np.diff(source, axis=0) / (1.0 + half))
     volts = charge * sensor.volts_per_newton + 5e-3 * rng.standard_normal(taxels)
     volts += np.cumsum(rng.standard_normal(volts.shape), axis=0) * 1e-6 / np.sqrt(RATE)
     volts += sensor.adc.noise * rng.standard_normal(volts.shape)
