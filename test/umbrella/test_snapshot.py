@@ -43,7 +43,7 @@ def test_record_counts_and_compares_with_the_scene() -> None:
     assert math.isnan(record.add(SNAPSHOT))
     assert record.add(replace(SNAPSHOT, time=12.0, scans=3000)) == pytest.approx(1000.0)
     assert record.summary() == (
-        "posfet: 2.0 s, 2000 scans, 1000 scans/s, 0 frames lost, 0 scans missing, 1 contact, "
+        "posfet: 2.0 s, 3000 scans, 1000 scans/s, 0 frames lost, 0 scans missing, 1 contact, "
         "centre-of-pressure error 0.050 mm (median), 0.050 mm (95 %)"
     )
 
@@ -161,7 +161,7 @@ def test_scans_that_are_counted_from_0_again_are_neither_a_negative_rate_nor_los
     record.add(replace(SNAPSHOT, time=12.0, scans=3000, scans_lost=7))
     assert math.isnan(record.add(replace(SNAPSHOT, time=13.0, scans=500)))  # another calibration
     assert record.add(replace(SNAPSHOT, time=14.0, scans=1500, scans_lost=1)) == pytest.approx(1000.0)
-    assert record.summary().startswith("posfet: 4.0 s, 3500 scans, 875 scans/s, 0 frames lost, 8 scans missing, ")
+    assert record.summary().startswith("posfet: 4.0 s, 4500 scans, 875 scans/s, 0 frames lost, 8 scans missing, ")
 
 
 def test_the_count_of_scans_never_falls_though_losses_are_reported_late() -> None:

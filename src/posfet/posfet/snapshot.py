@@ -184,7 +184,7 @@ class Record:
         whole = replace(self.last, scans=self.last.scans + scans, scans_lost=self.last.scans_lost + missing)
         words = [
             f"{whole.time - self.first.time:.1f} s",
-            f"{whole.scans - self.first.scans} scans",
+            f"{whole.scans} scans",
             f"{rate(self.first, whole):.0f} scans/s",
             f"{whole.frames_lost} frames lost",
             f"{whole.scans_lost} scans missing",
