@@ -15,7 +15,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parents[1]
 """The folder of all tests."""
-MINUTES = {True: 13, False: 30}
+MINUTES = {True: 9, False: 19}
 """Duration of the suite on two processors of AMD EPYC: measured with workers of pytest-xdist; sequentially, estimated
 by its processor time."""
 QUICK = "not slow and not vm"
