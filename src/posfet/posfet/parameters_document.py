@@ -51,7 +51,7 @@ For `params_file` ([shipped one](../src/posfet/config/parameters.yaml)) and
 `ros2 run <package> <node> --ros-args -p name:=value`. `ros2 param describe /tactile/<node> <name>` prints the
 same description. A section of the file is for all nodes (`/**`), for a node in any namespace (`/**/model_node`) or in
 one (`/hand/thumb/model_node`). One that is of no node of this sensor, for its namespace or because it has none, is
-refused, as ROS would pass over it. A file for several sensors has a section for each, and each sensor is told the
+refused, as ROS would pass over it. A file for several sensors has a section for each, and each sensor needs the
 namespaces of the others (`params_namespaces`); those of a hand know each other."""
 
 _HEADING: Final = (

@@ -5,7 +5,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 // governing permissions and limitations under the License.
 
-/// What the force estimator is told of an array.
+/// What the force estimator knows of an array from the start.
 #pragma once
 
 #include <cstddef>
