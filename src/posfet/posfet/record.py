@@ -255,14 +255,15 @@ def _record(path: Path, options: argparse.Namespace) -> int:
             stack.callback(node.destroy_node)
             begin = time.monotonic()
             patience = begin + max(options.seconds, FIRST_MESSAGE)
-            told: list[str] = []
+            told = False
             with _Display(path, node) as display:
 
                 def over() -> bool:
+                    nonlocal told
                     now = time.monotonic()
                     display.update(now)
                     if not told and node.begin is not None and now >= node.begin + PATIENCE:
-                        told.extend(node.missing or [""])
+                        told = True
                         for name in node.missing:
                             display.say(f"{name}: nobody publishes it so far")
                     end = patience if node.begin is None else node.begin + options.seconds

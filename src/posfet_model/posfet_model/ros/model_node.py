@@ -164,20 +164,20 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _end(self) -> None:
         self._pause()
-        self._keep_id()
         with self._lock:
+            self._keep_id()
             self._reconstructor = self._result = None
 
     def _keep_id(self) -> None:
-        """Let the next reconstructor go on with the ids of the contacts of this one."""
-        with self._lock:
-            if self._reconstructor is not None:
-                self._next_id = self._reconstructor.next_id
+        """Let the next reconstructor go on with the ids of the contacts of this one; the lock is held."""
+        if self._reconstructor is not None:
+            self._next_id = self._reconstructor.next_id
 
     def _use_calibration(self, calibration: Calibration | None) -> Reconstructor:
         """Begin to estimate with a calibration; None: nominal values."""
         for _ in range(ATTEMPTS):
-            self._keep_id()
+            with self._lock:
+                self._keep_id()
             first = self._next_id
             made = self._make(calibration)
             with self._lock:
@@ -185,7 +185,7 @@ class ModelNode(SupervisedLifecycleNode):
                     self._replace(made)
                     return made
         with self._lock:  # contacts begin all the time: scans wait for it
-            self._next_id = self._reconstructor.next_id if self._reconstructor else self._next_id
+            self._keep_id()
             made = self._make(calibration)
             self._replace(made)
         return made
