@@ -103,8 +103,9 @@ inline std::shared_ptr<ForceEstimator> make_estimator(const Layout& layout, std:
                        kThreshold,
                        4.0,
                        1e-3,
-                       0.05};
-  return std::make_shared<ForceEstimator>(std::move(array), priors());
+                       0.05,
+                       priors()};
+  return std::make_shared<ForceEstimator>(std::move(array));
 }
 
 /// An array with all parts of its path, and one scan.

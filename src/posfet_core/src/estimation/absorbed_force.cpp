@@ -8,7 +8,6 @@
 #include "posfet_core/estimation/absorbed_force.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/force_integration.hpp"
@@ -25,14 +24,13 @@ constexpr double kAbsorbedTime = 5.0;
 
 }  // namespace
 
-AbsorbedForce::AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, bool observable)
-    : time_constant_(std::move(time_constant)),
-      newton_per_kelvin_(std::move(newton_per_kelvin)),
+AbsorbedForce::AbsorbedForce(const EstimatedArray& array, bool observable)
+    : array_(array),
       observable_(observable),
-      error_(time_constant_.size(), 0.0),
-      offset_(time_constant_.size(), 0.0),
-      untouched_for_(time_constant_.size(), 0.0),
-      values_(time_constant_.size(), 0.0) {}
+      error_(array.taxels(), 0.0),
+      offset_(array.taxels(), 0.0),
+      untouched_for_(array.taxels(), 0.0),
+      values_(array.taxels(), 0.0) {}
 
 void AbsorbedForce::restart(std::size_t taxel, const Belief& belief) {
   error_[taxel] = belief.error_of(taxel)[kForceError];
@@ -43,9 +41,9 @@ void AbsorbedForce::follow(const Passage& block, const Belief& belief, double fi
   const double warming = film_rate * block.duration;
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
     const double* present = belief.error_of(taxel);
-    const double leaking = offset_[taxel] / time_constant_[taxel] + belief.shared[kDrift];
+    const double leaking = offset_[taxel] / array_.time_constant[taxel] + belief.shared[kDrift];
     error_[taxel] +=
-        block.duration * block.leak * leaking + newton_per_kelvin_[taxel] * warming * present[kPyroelectric];
+        block.duration * block.leak * leaking + array_.newton_per_kelvin[taxel] * warming * present[kPyroelectric];
     if (beside[taxel]) {
       continue;
     }
@@ -63,12 +61,12 @@ void AbsorbedForce::find(const Belief& belief, const TaxelFlags& touched, const 
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
     values_[taxel] = belief.error_of(taxel)[kForceError] - error_[taxel];
     if (observable_ && !touched[taxel] && !ignored[taxel]) {
-      kelvins.push_back(values_[taxel] / newton_per_kelvin_[taxel]);
+      kelvins.push_back(values_[taxel] / array_.newton_per_kelvin[taxel]);
     }
   }
   const double film = kelvins.size() < kFewestForUniform ? 0.0 : median(kelvins);
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
-    values_[taxel] = std::max(values_[taxel] - film * newton_per_kelvin_[taxel], 0.0);
+    values_[taxel] = std::max(values_[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
   }
 }
 

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
@@ -26,8 +25,7 @@ constexpr double kTailNoise = 5e-7;
 
 }  // namespace
 
-BlockResiduals::BlockResiduals(EstimatedArray array, ErrorPriors priors, double per_kelvin)
-    : array_(std::move(array)), priors_(std::move(priors)), per_kelvin_(per_kelvin) {
+BlockResiduals::BlockResiduals(const EstimatedArray& array) : array_(array) {
   for (auto* values : {&measured_, &noise_, &values_, &deviation_, &own_deviation_}) {
     values->assign(array_.taxels(), 0.0);
   }
@@ -55,7 +53,7 @@ void BlockResiduals::expect_small_forces(const Block& block, const Belief& belie
     response[kTail] = block.tail[taxel];
     // As the contact moves, what is warm moves with it.
     noise_[taxel] += touch.warmth_variance(taxel, belief.shared[kWarmth]) + kTailNoise +
-                     square(priors_.tail_change * block.neighbour[taxel]);
+                     square(array_.priors.tail_change * block.neighbour[taxel]);
   }
 }
 
@@ -80,7 +78,7 @@ void BlockResiduals::take_forces(const ForceErrorFilter& filter, const Block& bl
 
 void BlockResiduals::admit_warming(double kelvin) {
   for (std::size_t taxel = 0; taxel < noise_.size(); ++taxel) {
-    noise_[taxel] += square(priors_.pyroelectric * kelvin * array_.newton_per_kelvin[taxel]);
+    noise_[taxel] += square(array_.priors.pyroelectric * kelvin * array_.newton_per_kelvin[taxel]);
   }
 }
 
@@ -112,7 +110,7 @@ void BlockResiduals::admit_warmer_object(ForceErrorFilter& filter, const TaxelFl
   const double change = sum / information;
   const double expected = (filter.shared_variance(sensitivity.data()) + information) / square(information);
   const double differs = touch.warmth_difference(filter.belief()->shared[kWarmth]);
-  if (change * per_kelvin_ < 0.0 && square(change) > square(kGate) * (expected + square(differs))) {
+  if (change * array_.per_kelvin < 0.0 && square(change) > square(kGate) * (expected + square(differs))) {
     filter.widen(direction_of(kWarmth).data(), square(change));
     compare(filter);
   }
@@ -130,7 +128,7 @@ void BlockResiduals::update_alone(ForceErrorFilter& filter, const TaxelFlags& wh
 
 void BlockResiduals::find_left(const ForceErrorFilter& filter, const TaxelFlags& updated, double rate, double time,
                                double* left) const {
-  const double unknown = priors_.pyroelectric * rate * time;
+  const double unknown = array_.priors.pyroelectric * rate * time;
   Vector<double> unmodelled(noise_.size());
   for (std::size_t taxel = 0; taxel < noise_.size(); ++taxel) {
     unmodelled[taxel] = square(array_.newton_per_kelvin[taxel] * unknown);

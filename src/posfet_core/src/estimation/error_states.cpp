@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "posfet_core/product.hpp"
 
@@ -67,8 +66,8 @@ SquareMatrix ErrorPriors::covariance() const {
   return covariance;
 }
 
-SharedDynamics::SharedDynamics(ErrorPriors priors, double film_lag)
-    : priors_(std::move(priors)), film_lag_(film_lag), noise_(priors_.covariance()) {
+SharedDynamics::SharedDynamics(const ErrorPriors& priors, double film_lag)
+    : priors_(priors), film_lag_(film_lag), noise_(priors_.covariance()) {
   for (double& variance : noise_) {
     variance /= kForget;
   }

@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/numbers.hpp"
@@ -57,25 +56,23 @@ double untouched_part(double variance, const double* own, bool beside) {
 
 }  // namespace
 
-ForceCovariance::ForceCovariance(EstimatedArray array, const ErrorPriors& priors,
-                                 std::shared_ptr<ForceIntegration> integration)
-    : array_(std::move(array)),
-      integration_(std::move(integration)),
-      surroundings_(Grid(array_.layout)),
-      hidden_(array_.newton_per_kelvin, priors),
-      own_(array_.taxels(), 0.0),
-      untouched_(array_.taxels(), 0.0) {}
+ForceCovariance::ForceCovariance(const EstimatedArray& array, const ContactSurroundings& surroundings,
+                                 ForceIntegration::State& integrated)
+    : array_(array),
+      integrated_(integrated),
+      hidden_(array, surroundings),
+      own_(array.taxels(), 0.0),
+      untouched_(array.taxels(), 0.0) {}
 
 void ForceCovariance::update(const Block& block, const Known& known) {
   const Belief& b = *known.filter.belief();
-  ForceIntegration::State& state = integration_->state();
-  hidden_.follow(block, b, {known.mean, known.absorbed, known.touched, !known.listed}, surroundings_);
+  hidden_.follow(block, b, {known.mean, known.absorbed, known.touched, !known.listed});
   Vector<double> factor(own_.size() * kSharedStates);
   known.filter.covariance_root(block.response.data(), own_.data(), factor.data());
   Vector<double> sensitivity(own_.size() * kSharedStates);  // of the forces but for a touch
   for (std::size_t taxel = 0; taxel < own_.size(); ++taxel) {
     const std::size_t row = taxel * kSharedStates;
-    std::copy_n(factor.data() + row, kSharedStates, state.correlated_error.data() + taxel * kCauses);
+    std::copy_n(factor.data() + row, kSharedStates, integrated_.correlated_error.data() + taxel * kCauses);
     for (std::size_t each = 0; each < kSharedStates; ++each) {
       const double response = is_of_touch(each) ? 0.0 : block.response[row + each];
       sensitivity[row + each] = response + b.slope_of(taxel, kForceError)[each];
@@ -87,27 +84,26 @@ void ForceCovariance::update(const Block& block, const Known& known) {
   for (std::size_t taxel = 0; taxel < own_.size(); ++taxel) {
     add_causes(taxel, known, object);
     untouched_[taxel] = untouched_part(own_[taxel], b.own_of(taxel), known.beside[taxel]) + shared_variance[taxel];
-    own_[taxel] -= std::min(own_[taxel], square(state.lost[taxel]));  // in the covariance as each taxel's own
-    own_[taxel] += square(array_.gain_deviation[taxel] * state.held[taxel]) +
+    own_[taxel] -= std::min(own_[taxel], square(integrated_.lost[taxel]));  // in the covariance as each taxel's own
+    own_[taxel] += square(array_.gain_deviation[taxel] * integrated_.held[taxel]) +
                    square(array_.leak_deviation[taxel] * known.touch.leaked(taxel));
   }
 }
 
 /// Set what the causes beside the shared states contribute to the factor of a taxel.
 void ForceCovariance::add_causes(std::size_t taxel, const Known& known, double object) const {
-  ForceIntegration::State& state = integration_->state();
-  double* factor = state.correlated_error.data() + taxel * kCauses;
+  double* factor = integrated_.correlated_error.data() + taxel * kCauses;
   const double response = array_.newton_per_kelvin[taxel];
-  const double held = state.held[taxel];
+  const double held = integrated_.held[taxel];
   factor[kOfGain] = held * std::hypot(array_.common_gain_deviation, kNonlinearity * held);
   factor[kOfWarmerFilm] = response * known.unconfirmed;
   factor[kOfSlowPress] = known.absorbed[taxel] + hidden_.values()[taxel];
   factor[kOfObject] = known.touched[taxel] ? response * known.touch.warm()[taxel] * object : 0.0;
-  factor[kOfLostScans] = state.lost[taxel];
+  factor[kOfLostScans] = integrated_.lost[taxel];
 }
 
 double ForceCovariance::of_motion(std::size_t taxel) const {
-  const double* factor = integration_->state().correlated_error.data() + taxel * kCauses;
+  const double* factor = integrated_.correlated_error.data() + taxel * kCauses;
   return own_[taxel] + dot(factor, factor, kCauses) - square(factor[kOfObject]);
 }
 
@@ -117,7 +113,7 @@ double ForceCovariance::total_deviation(const TaxelFlags& counted) const {
   for (std::size_t taxel = 0; taxel < own_.size(); ++taxel) {
     if (counted[taxel]) {
       variance += own_[taxel];
-      add_scaled(1.0, integration_->state().correlated_error.data() + taxel * kCauses, shared.data(), kCauses);
+      add_scaled(1.0, integrated_.correlated_error.data() + taxel * kCauses, shared.data(), kCauses);
     }
   }
   return std::sqrt(variance + dot(shared.data(), shared.data(), kCauses));

@@ -46,24 +46,6 @@ constexpr double kBrief = 2.0;
 /// Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1].
 constexpr double kNoticeable = 0.3;
 
-/// Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none.
-constexpr double kHottest = 1e3;
-
-EstimatedArray checked(EstimatedArray array) {
-  const auto taxels = static_cast<std::size_t>(Grid(array.layout).taxels());
-  for (const auto* values : {&array.time_constant, &array.newton_per_charge, &array.newton_per_kelvin,
-                             &array.gain_deviation, &array.leak_deviation}) {
-    if (values->size() != taxels) {
-      throw std::invalid_argument("all values must be given for each taxel");
-    }
-  }
-  for (double& response : array.newton_per_kelvin) {
-    const double greatest = static_cast<double>(taxels) * kHottest * std::abs(response);
-    response = greatest < array.threshold ? 0.0 : response;
-  }
-  return array;
-}
-
 /// Change of the film's temperature that makes no difference to the forces [K].
 double negligible_change(const EstimatedArray& array) {
   double whole = 0.0;
@@ -90,25 +72,23 @@ std::shared_ptr<Belief> make_belief(std::size_t taxels, const ErrorPriors& prior
 
 }  // namespace
 
-ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
-    : array_(checked(std::move(array))),
-      priors_(std::move(priors)),
+ForceEstimator::ForceEstimator(EstimatedArray array)
+    : array_(completed(std::move(array))),
+      surroundings_(Grid(array_.layout)),
       integration_(make_integration(array_)),
       state_(integration_->state()),
-      per_kelvin_(integration_->mean_newton_per_kelvin()),
-      uniform_(array_.newton_per_kelvin, priors_.pyroelectric),
-      filter_(make_belief(taxels(), priors_)),
-      propagation_(array_, priors_, per_kelvin_, uniform_.observable()),
-      residuals_(array_, priors_, per_kelvin_),
-      readings_(priors_.reading),
-      rest_noise_(array_.time_constant, array_.newton_per_kelvin, priors_.film_walk, array_.film_lag),
+      uniform_(array_.newton_per_kelvin, array_.priors.pyroelectric),
+      filter_(make_belief(taxels(), array_.priors)),
+      propagation_(array_, uniform_.observable()),
+      residuals_(array_),
+      readings_(array_.priors.reading),
+      rest_noise_(array_),
       lone_drift_(taxels()),
-      touched_forces_(array_, priors_, per_kelvin_),
-      touch_(array_.layout, array_.time_constant, array_.newton_per_kelvin, priors_),
-      unseen_(taxels(), priors_),
-      process_noise_(array_, priors_),
-      hot_film_(Grid(array_.layout), array_.newton_per_kelvin, priors_.warmth_time),
-      surroundings_(Grid(array_.layout)),
+      touched_forces_(array_, surroundings_),
+      touch_(array_),
+      unseen_(taxels(), array_.priors),
+      process_noise_(array_, surroundings_),
+      hot_film_(array_, surroundings_),
       unheated_(touch_),
       unexplained_(taxels(), array_.threshold),
       release_(taxels()),
@@ -117,8 +97,8 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       lower_bound_(taxels(), array_.threshold, UnexplainedResiduals::kNegativeTime, kLostForceTime),
       blocks_(taxels(), touch_),
       witnesses_(taxels(), touch_),
-      absorbed_(array_.time_constant, array_.newton_per_kelvin, uniform_.observable()),
-      covariance_(array_, priors_, integration_),
+      absorbed_(array_, uniform_.observable()),
+      covariance_(array_, surroundings_, state_),
       certainty_(array_.threshold),
       left_charge_(taxels(), array_.left_charge),
       noise_variance_(taxels(), square(array_.noise)),
@@ -129,7 +109,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array, ErrorPriors priors)
       listed_(taxels()),
       touched_(taxels()),
       beside_(taxels()) {
-  const double fastest = std::hypot(priors_.creep_mean[0], priors_.creep[0]);
+  const double fastest = std::hypot(array_.priors.creep_mean[0], array_.priors.creep[0]);
   state_.rise_deviation = std::hypot(array_.common_gain_deviation, kBrief * fastest);
   start_block();
 }
@@ -237,8 +217,8 @@ void ForceEstimator::forget_contacts() {
 /// cools.
 void ForceEstimator::forget_touch() {
   Belief& b = *belief();
-  const std::vector<double> mean = priors_.mean();
-  const SquareMatrix prior = priors_.covariance();
+  const std::vector<double> mean = array_.priors.mean();
+  const SquareMatrix prior = array_.priors.covariance();
   hot_film_.forget();
   touched_forces_.forget_contact();
   Vector<double> response(taxels() * kSharedStates);
@@ -272,8 +252,8 @@ void ForceEstimator::start(const double* charge) {
   Belief& b = *belief();
   if (const double sensors = integration_->block().sensors; !std::isnan(sensors)) {
     readings_.start(integration_->block());  // it says what these temperatures are, and nothing else
-    std::vector<double> mean = priors_.mean();
-    SquareMatrix covariance = priors_.covariance();
+    std::vector<double> mean = array_.priors.mean();
+    SquareMatrix covariance = array_.priors.covariance();
     mean[kEarlier] = b.shared[kEarlier];
     covariance[kEarlier * kSharedStates + kEarlier] = b.variance(kEarlier);
     filter_.restart_temperature(sensors, mean.data(), covariance.data());
@@ -327,7 +307,7 @@ void ForceEstimator::forget() {
   left_charge_.assign(taxels(), array_.left_charge);
   unexplained_ = UnexplainedResiduals(taxels(), array_.threshold);
   hot_film_.forget();
-  *belief() = *make_belief(taxels(), priors_);
+  *belief() = *make_belief(taxels(), array_.priors);
   touch_.reset();
   forget_contacts();
   state_.offset_known.fill(false);
@@ -372,7 +352,7 @@ void ForceEstimator::restart_errors(std::size_t taxel, const double* response) {
   std::fill_n(own, kOwnStates * kOwnStates, 0.0);
   b.reset_force_error(taxel, state_.raw[taxel] - touch_.loops()[taxel], response, noise);
   error[kSmallForce] = error[kPyroelectric] = error[kOwnWarmth] = 0.0;
-  own[own_at(kPyroelectric, kPyroelectric)] = square(priors_.pyroelectric);
+  own[own_at(kPyroelectric, kPyroelectric)] = square(array_.priors.pyroelectric);
   if (state_.offset_known[taxel]) {
     left_charge_[taxel] = array_.left_charge + std::abs(integration_->signal(taxel) - offset(taxel));
     own[own_at(kOffset, kOffset)] = square(kRestartDeviation * array_.threshold);

@@ -24,6 +24,9 @@ constexpr double kRunaway = 4.0;
 /// Deviations from which on a reading of the temperature sensors, or one of few other measurements, is unexpected [1].
 constexpr double kSurprising = 3.0;
 
+/// Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none.
+constexpr double kHottest = 1e3;
+
 /// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, the
 /// object that touches, lost scans.
 constexpr std::size_t kCauses = kSharedStates + 5;

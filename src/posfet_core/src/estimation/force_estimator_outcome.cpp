@@ -157,7 +157,7 @@ void ForceEstimator::prepare_compensation(const Block& block) {
   const auto count = static_cast<double>(untouched.size());
   const double deviation = std::sqrt(noise / count / count);
   const double walk =
-      std::abs(per_kelvin_) * std::sqrt(belief()->variance(kRate)) * block.duration / integration_->block().scans;
+      std::abs(array_.per_kelvin) * std::sqrt(belief()->variance(kRate)) * block.duration / integration_->block().scans;
   integration_->watch(untouched, small.data(), walk / (walk + deviation));
 }
 

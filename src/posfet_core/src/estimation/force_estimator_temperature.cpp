@@ -32,12 +32,12 @@ double ForceEstimator::unnoticed_change() {
 /// where the rate changes; no contact has just been released, whose warmth is in all zeros; and all offsets are known.
 /// Not while the hypothesis of a warmer film is open, which has a witness of its own.
 bool ForceEstimator::follow_witnesses(Block& block) {
-  if (priors_.slow_rate <= 0.0 || rested_ < Witnesses::kSpacing || !state_.knows_offsets()) {
+  if (array_.priors.slow_rate <= 0.0 || rested_ < Witnesses::kSpacing || !state_.knows_offsets()) {
     witnesses_.clear();
     return false;
   }
   witnesses_.follow(block, propagation_);
-  const Witness* witness = uniform_.open() ? nullptr : witnesses_.best(belief()->shared[kFilm], per_kelvin_);
+  const Witness* witness = uniform_.open() ? nullptr : witnesses_.best(belief()->shared[kFilm], array_.per_kelvin);
   if (witness == nullptr) {
     witnesses_.call(*belief());
     return false;
@@ -68,7 +68,7 @@ void ForceEstimator::explain_by_temperature(std::size_t index, Zeros& zeros) {
   if (kelvin == 0.0) {
     return;
   }
-  if (kelvin * per_kelvin_ > 0.0 && !listed && state_.knows_offsets() && !uniform_.open()) {
+  if (kelvin * array_.per_kelvin > 0.0 && !listed && state_.knows_offsets() && !uniform_.open()) {
     uniform_.begin();
     unheated_.begin(blocks_, propagation_, ignored());
   }

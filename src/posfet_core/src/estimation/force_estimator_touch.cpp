@@ -120,7 +120,7 @@ void ForceEstimator::reset_released(const Block& block, const TaxelFlags& releas
     if (near[taxel]) {
       absorbed_.touch(taxel);
       unseen_.leave(taxel, -residuals_[taxel]);
-      add_own_warmth(belief()->own_of(taxel), square(priors_.warmth_mean * array_.newton_per_kelvin[taxel]));
+      add_own_warmth(belief()->own_of(taxel), square(array_.priors.warmth_mean * array_.newton_per_kelvin[taxel]));
     }
     if (released[taxel]) {
       left -= residuals_[taxel];
@@ -128,7 +128,7 @@ void ForceEstimator::reset_released(const Block& block, const TaxelFlags& releas
                                   block.noise[taxel]);
     }
   }
-  filter_.admit(direction_of(kRate).data(), square(priors_.touch_rate * left));
+  filter_.admit(direction_of(kRate).data(), square(array_.priors.touch_rate * left));
   zero_known_ = true;
   rested_ = 0.0;
   refutation_.clear();

@@ -68,7 +68,7 @@ void ForceEstimator::step(std::size_t index) {
   }
   const auto found = propagation_.measure_temperature(filter_, block, zeros);
   block.unlikely = std::min(found.square, square(kSurprising)) + found.spread;
-  const bool hidden = zeros && found.kelvin * per_kelvin_ < 0.0 && !uniform_.open() && has_rested();
+  const bool hidden = zeros && found.kelvin * array_.per_kelvin < 0.0 && !uniform_.open() && has_rested();
   refuted_ = 0.0;
   if (hidden && found.deviations > ZeroRefutation::kContradicted && propagation_.is_misled(blocks_, *belief())) {
     refuted_ = found.kelvin;

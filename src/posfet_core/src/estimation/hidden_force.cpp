@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/shared_states.hpp"
@@ -24,21 +23,20 @@ constexpr double kTapShare = 0.25;
 
 }  // namespace
 
-HiddenForce::HiddenForce(std::vector<double> newton_per_kelvin, const ErrorPriors& priors)
-    : newton_per_kelvin_(std::move(newton_per_kelvin)),
-      warmth_time_(priors.warmth_time),
-      least_force_(priors.warmth_force / priors.warmth_force_spread),
-      felt_(newton_per_kelvin_.size(), 0.0),
-      tapped_(newton_per_kelvin_.size()),
-      near_taps_(newton_per_kelvin_.size()),
-      values_(newton_per_kelvin_.size(), 0.0) {}
+HiddenForce::HiddenForce(const EstimatedArray& array, const ContactSurroundings& surroundings)
+    : array_(array),
+      surroundings_(surroundings),
+      least_force_(array.priors.warmth_force / array.priors.warmth_force_spread),
+      felt_(array.taxels(), 0.0),
+      tapped_(array.taxels()),
+      near_taps_(array.taxels()),
+      values_(array.taxels(), 0.0) {}
 
-void HiddenForce::follow(const Block& block, const Belief& belief, const Shown& shown,
-                         const ContactSurroundings& surroundings) {
-  const double follows = -std::expm1(-block.duration / warmth_time_);
+void HiddenForce::follow(const Block& block, const Belief& belief, const Shown& shown) {
+  const double follows = -std::expm1(-block.duration / array_.priors.warmth_time);
   const double kelvin = std::hypot(belief.shared[kWarmth], std::sqrt(belief.variance(kWarmth)));
   find_taps(block, shown);
-  surroundings.dilate(tapped_, near_taps_);
+  surroundings_.dilate(tapped_, near_taps_);
   for (std::size_t taxel = 0; taxel < felt_.size(); ++taxel) {
     const bool counts = shown.begins && shown.touched[taxel] && !tapped_[taxel];
     const double read = counts ? felt_[taxel] + shown.absorbed[taxel] : 0.0;
@@ -46,7 +44,7 @@ void HiddenForce::follow(const Block& block, const Belief& belief, const Shown& 
     const bool presses = square(read) > square(kSurprising) * variance && !near_taps_[taxel];
     const double force = read + (presses ? values_[taxel] : 0.0);
     const double share = -std::expm1(-force / least_force_);
-    values_[taxel] += follows * (std::abs(newton_per_kelvin_[taxel]) * kelvin * share - values_[taxel]);
+    values_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - values_[taxel]);
   }
 }
 

@@ -46,7 +46,8 @@ bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force
   const TaxelFlags& warm = find_warm(warmed);
   bool hot = false;
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    const double kelvin = std::abs(force[taxel] / newton_per_kelvin_[taxel]);  // infinite where there is no signal
+    const double kelvin =
+        std::abs(force[taxel] / array_.newton_per_kelvin[taxel]);  // infinite where there is no signal
     hot = hot || (below[taxel] && warm[taxel] && kelvin < kHottestObject);
   }
   hot_ = hot_ || hot;
@@ -60,7 +61,7 @@ void HotFilm::follow(bool touches, double duration) {
     shown_ = false;
     touched_for_ = 0.0;
   }
-  if (!touches && touches_ && touched_for_ >= kWarmingTimes * warmth_time_) {
+  if (!touches && touches_ && touched_for_ >= kWarmingTimes * array_.priors.warmth_time) {
     hot_ = shown_;
   }
   touched_for_ += touches ? duration : 0.0;

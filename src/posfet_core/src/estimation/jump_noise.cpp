@@ -8,14 +8,13 @@
 #include "posfet_core/estimation/jump_noise.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
-JumpNoise::JumpNoise(std::vector<double> time_constant)
-    : tau_(std::move(time_constant)), squares_(tau_.size(), 0.0), time_(tau_.size(), 0.0) {}
+JumpNoise::JumpNoise(const std::vector<double>& time_constant)
+    : tau_(time_constant), squares_(tau_.size(), 0.0), time_(tau_.size(), 0.0) {}
 
 void JumpNoise::observe(const bool* where, const double* step, const double* change, const double* noise,
                         double duration) {

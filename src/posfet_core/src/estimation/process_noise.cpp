@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "posfet_core/estimation/propagation.hpp"
 #include "posfet_core/numbers.hpp"
@@ -29,11 +28,8 @@ double* noise_of(Block& block, std::size_t taxel) { return block.own_noise.data(
 
 }  // namespace
 
-ProcessNoise::ProcessNoise(EstimatedArray array, ErrorPriors priors)
-    : array_(std::move(array)),
-      priors_(std::move(priors)),
-      surroundings_(Grid(array_.layout)),
-      moved_share_(array_.taxels()) {
+ProcessNoise::ProcessNoise(const EstimatedArray& array, const ContactSurroundings& surroundings)
+    : array_(array), surroundings_(surroundings), moved_share_(array.taxels()) {
   for (auto* values : {&stepped_, &force_, &before_, &deviation_, &tail_, &warmth_, &warmed_}) {
     values->assign(array_.taxels(), 0.0);
   }
@@ -70,7 +66,7 @@ void ProcessNoise::measure(Block& block, const Shown& shown) {
 
 /// Add what noise and steps of the signals, and of their offsets, do to the forces.
 void ProcessNoise::add_signal_noise(Block& block, const Shown& shown) {
-  const double walk = square(priors_.offset_walk) * block.span;
+  const double walk = square(array_.priors.offset_walk) * block.span;
   for (std::size_t taxel = 0; taxel < force_.size(); ++taxel) {
     double* own = noise_of(block, taxel);
     const double leaked = shown.integration.block().square * square(block.leak / array_.time_constant[taxel]);
@@ -86,7 +82,7 @@ void ProcessNoise::add_signal_noise(Block& block, const Shown& shown) {
 /// Add by how much the warmth of a taxel may begin to differ from the common one; find what share of it cools. A force
 /// that rises beside a contact cannot be told from warmth: each is as likely.
 void ProcessNoise::add_warmth_noise(Block& block, const Shown& shown) {
-  const double cooled = -std::expm1(-block.span / priors_.warmth_time);
+  const double cooled = -std::expm1(-block.span / array_.priors.warmth_time);
   for (std::size_t taxel = 0; taxel < force_.size(); ++taxel) {
     double* own = noise_of(block, taxel);
     const double warmed = shown.touch.warmth_variance(taxel, shown.belief.shared[kWarmth]);
@@ -103,7 +99,7 @@ void ProcessNoise::add_warmth_noise(Block& block, const Shown& shown) {
 
 /// Add what a film does as the force changes, and how the small forces beside a contact change with those in it.
 void ProcessNoise::add_touch_noise(Block& block, const Belief& belief) {
-  const double spread = square(tail_spread(priors_, belief));
+  const double spread = square(tail_spread(array_.priors, belief));
   double whole = 0.0;
   double moved = 0.0;
   TaxelFlags near(force_.size());
@@ -111,7 +107,8 @@ void ProcessNoise::add_touch_noise(Block& block, const Belief& belief) {
   for (std::size_t taxel = 0; taxel < force_.size(); ++taxel) {
     double* own = noise_of(block, taxel);
     const double tail = block.tail[taxel];
-    own[own_at(kForceError, kForceError)] += square(priors_.motion) * changed_square(force_[taxel], before_[taxel]);
+    own[own_at(kForceError, kForceError)] +=
+        square(array_.priors.motion) * changed_square(force_[taxel], before_[taxel]);
     own[own_at(kSmallForce, kSmallForce)] += spread * changed_square(tail, tail_[taxel]);
     if (near[taxel]) {  // where all the force has moved, the cover tells nothing of what is beside it
       own[own_at(kSmallForce, kSmallForce)] += block.moved_share * square(tail);
@@ -143,8 +140,8 @@ void ProcessNoise::find_shared_noise(Block& block, const Shown& shown) {
   const double before = sum(before_);
   const double heating =
       heating_.update(before, total, b.shared[kRate], std::sqrt(b.variance(kRate)), shown.earlier_rate);
-  block.rate_noise = (square(priors_.touch_rate) + square(heating)) * changed_square(total, before) +
-                     square(priors_.warming_share) * changed_square(block.warming, block.touch_before.warming());
+  block.rate_noise = (square(array_.priors.touch_rate) + square(heating)) * changed_square(total, before) +
+                     square(array_.priors.warming_share) * changed_square(block.warming, block.touch_before.warming());
 }
 
 }  // namespace posfet

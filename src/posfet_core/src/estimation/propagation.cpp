@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
@@ -37,12 +36,8 @@ bool is_surprising(const TemperatureInnovation& found) {
 
 }  // namespace
 
-Propagation::Propagation(EstimatedArray array, const ErrorPriors& priors, double per_kelvin, bool observable)
-    : array_(std::move(array)),
-      priors_(priors),
-      per_kelvin_(per_kelvin),
-      observable_(observable),
-      dynamics_(priors, array_.film_lag) {}
+Propagation::Propagation(const EstimatedArray& array, bool observable)
+    : array_(array), observable_(observable), dynamics_(array.priors, array.film_lag) {}
 
 void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
   Belief& b = *filter.belief();
@@ -53,11 +48,11 @@ void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
   }
   b.forget_small_forces(elsewhere.data());
   Vector<double> own_noise(block.own_noise.begin(), block.own_noise.end());
-  const double spread = tail_spread(priors_, b);
+  const double spread = tail_spread(array_.priors, b);
   for (std::size_t taxel = 0; taxel < taxels; ++taxel) {
     const std::size_t place = taxel * kOwnStates * kOwnStates + own_at(kSmallForce, kSmallForce);
     if (block.is_small(taxel) && b.own[place] == 0.0) {  // beside the contact since now
-      own_noise[place] = square(spread * block.tail[taxel] + priors_.tail_least * block.neighbour[taxel]);
+      own_noise[place] = square(spread * block.tail[taxel] + array_.priors.tail_least * block.neighbour[taxel]);
     }
   }
   SharedTransition& shared = dynamics_.transition(b.shared, block.span, block.warming);
@@ -82,10 +77,10 @@ void Propagation::predict(ForceErrorFilter& filter, const Block& block) {
 /// Let the tail change by as much as it is as the forces beside the contact change.
 void Propagation::expect_tail(SharedTransition& shared, const Belief& belief, const Block& block) const {
   const double forgotten =
-      block.moved_share + 0.5 * square(tail_spread(priors_, belief)) / kUnknownTail * block.tail_moved;
+      block.moved_share + 0.5 * square(tail_spread(array_.priors, belief)) / kUnknownTail * block.tail_moved;
   const double kept = std::exp(-forgotten);
   shared.matrix[kTail * kSharedStates + kTail] = kept;
-  shared.after[kTail] = priors_.tail + kept * (belief.shared[kTail] - priors_.tail);
+  shared.after[kTail] = array_.priors.tail + kept * (belief.shared[kTail] - array_.priors.tail);
   shared.noise[kTail * kSharedStates + kTail] = (1.0 - square(kept)) * kUnknownTail;
 }
 
@@ -98,7 +93,7 @@ Propagation::Contradiction Propagation::measure_temperature(ForceErrorFilter& fi
   const double squared = square(found.innovation) / found.variance;
   const double spread = std::log(found.variance);
   if (is_surprising(found) && !zeros) {
-    const double rate = std::min(std::abs(found.innovation) / block.interval, priors_.fastest);
+    const double rate = std::min(std::abs(found.innovation) / block.interval, array_.priors.fastest);
     filter.admit(maneuver(*filter.belief(), block.interval).data(), square(rate));
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
@@ -107,7 +102,8 @@ Propagation::Contradiction Propagation::measure_temperature(ForceErrorFilter& fi
     std::array<double, kSharedStates> earlier{};
     earlier[kEarlier] = 1.0;
     earlier[kZero] = -0.5 * block.leaked_time;  // half of what was missed until now has counted as an error of the zero
-    filter.admit(earlier.data(), square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, priors_.rate)));
+    filter.admit(earlier.data(),
+                 square(std::min(2.0 * std::abs(found.innovation) / block.leaked_time, array_.priors.rate)));
     found = filter.temperature_innovation(block.reading, variance, block.leaked_time);
   }
   const Contradiction contradiction{found.innovation, std::abs(found.innovation) / std::sqrt(found.variance), squared,
@@ -130,17 +126,17 @@ bool Propagation::is_misled(const LastBlocks& blocks, const Belief& belief) {
   const double change = belief.shared[kRate] - before.shared[kRate];
   const double noise = dynamics_.transition(before.shared, blocks.newest().span).noise[kRate * kSharedStates + kRate];
   const double variance = before.variance(kRate) + static_cast<double>(blocks.size()) * noise;
-  return change * per_kelvin_ > 0.0 && square(change) > square(kSurprising) * variance;
+  return change * array_.per_kelvin > 0.0 && square(change) > square(kSurprising) * variance;
 }
 
 void Propagation::admit_walk(ForceErrorFilter& filter, double walk, double known, double age) {
   if (walk > known) {
     std::array<double, kSharedStates> drifting{};
     drifting[kDrift] = 1.0;
-    drifting[kRate] = -1.0 / per_kelvin_;
+    drifting[kRate] = -1.0 / array_.per_kelvin;
     drifting[kChip] = drifting[kFilm] = drifting[kSensor] = age * drifting[kRate];
     const double observed = std::min(age, TemperatureWalk::kMemory * TemperatureWalk::kLeastTime);
-    filter.widen(drifting.data(), square(per_kelvin_ / age) * (walk - known) * observed);
+    filter.widen(drifting.data(), square(array_.per_kelvin / age) * (walk - known) * observed);
   }
   dynamics_.set_film_walk(walk);
 }

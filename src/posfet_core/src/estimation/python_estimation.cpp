@@ -399,8 +399,8 @@ void bind_estimator(const py::module_& module) {
                                  threshold,
                                  greatest_force,
                                  left_charge,
-                                 film_lag},
-                  priors_from(priors));
+                                 film_lag,
+                                 priors_from(priors)});
             }),
             py::kw_only(), py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_charge"),
             py::arg("newton_per_kelvin"), py::arg("gain_deviation"), py::arg("common_gain_deviation"),

@@ -15,6 +15,7 @@
 #include <initializer_list>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "../python_arrays.hpp"
@@ -22,6 +23,7 @@
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
 #include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/lone_drift.hpp"
@@ -61,6 +63,18 @@ TaxelFlags copy_of(const Tested& flags) {
   TaxelFlags copy(static_cast<std::size_t>(flags.size()));
   copy.set(flags.data());
   return copy;
+}
+
+/// A part with the constants of its own that it refers to.
+template <typename Part, typename Constants, typename... Others>
+std::shared_ptr<Part> part_of(Constants constants, Others... others) {
+  struct Whole {
+    Whole(Constants given, Others... rest) : constants(std::move(given)), part(constants, rest...) {}
+    const Constants constants;
+    Part part;
+  };
+  const auto whole = std::make_shared<Whole>(std::move(constants), others...);
+  return std::shared_ptr<Part>(whole, &whole->part);
 }
 
 /// Throws ValueError where the arrays have not one value for each taxel.
@@ -126,11 +140,13 @@ void bind_surroundings(const py::module_& module) {
 
 void bind_dynamics(const py::module_& module) {
   constexpr auto kStates = static_cast<py::ssize_t>(kSharedStates);
-  py::class_<SharedDynamics> bound(module, "SharedDynamics", "Transition of the shared states over a block.");
+  py::class_<SharedDynamics, std::shared_ptr<SharedDynamics>> bound(module, "SharedDynamics",
+                                                                    "Transition of the shared states over a block.");
   bound.attr("FORGET") = SharedDynamics::kForget;
   bound
-      .def(py::init(
-               [](const py::object& priors, double film_lag) { return SharedDynamics(priors_from(priors), film_lag); }),
+      .def(py::init([](const py::object& priors, double film_lag) {
+             return part_of<SharedDynamics>(priors_from(priors), film_lag);
+           }),
            py::arg("priors"), py::arg("film_lag"))
       .def(
           "transition",
@@ -145,11 +161,18 @@ void bind_dynamics(const py::module_& module) {
 }
 
 void bind_touch_response(const py::module_& module) {
-  py::class_<TouchResponse>(module, "TouchResponse", "Responses of the force errors to the shared states.")
+  py::class_<TouchResponse, std::shared_ptr<TouchResponse>>(module, "TouchResponse",
+                                                            "Responses of the force errors to the shared states.")
       .def(py::init([](const Layout& layout, const Values& time_constant, const Values& newton_per_kelvin,
                        const py::object& priors) {
              require_all(static_cast<std::size_t>(Grid(layout).taxels()), {time_constant, newton_per_kelvin});
-             return TouchResponse(layout, vector_of(time_constant), vector_of(newton_per_kelvin), priors_from(priors));
+             EstimatedArray array{};
+             array.layout = layout;
+             array.time_constant = vector_of(time_constant);
+             array.newton_per_kelvin = vector_of(newton_per_kelvin);
+             array.newton_per_charge = array.gain_deviation = array.leak_deviation = array.time_constant;  // not used
+             array.priors = priors_from(priors);
+             return part_of<TouchResponse>(completed(std::move(array)));
            }),
            py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_kelvin"), py::arg("priors"))
       .def("reset", &TouchResponse::reset, "Forget all touches.")
@@ -238,8 +261,9 @@ void bind_thermal_contact(const py::module_& module) {
 }
 
 void bind_noise(const py::module_& module) {
-  py::class_<JumpNoise>(module, "JumpNoise", "Random walk of each force error due to steps of its signal.")
-      .def(py::init([](const Values& time_constant) { return JumpNoise(vector_of(time_constant)); }),
+  py::class_<JumpNoise, std::shared_ptr<JumpNoise>>(module, "JumpNoise",
+                                                    "Random walk of each force error due to steps of its signal.")
+      .def(py::init([](const Values& time_constant) { return part_of<JumpNoise>(vector_of(time_constant)); }),
            py::arg("time_constant"))
       .def(
           "observe",
@@ -444,10 +468,11 @@ void bind_zero_refutation(const py::module_& module) {
 }
 
 void bind_uniform(const py::module_& module) {
-  py::class_<UniformChange> bound(module, "UniformChange", "Hypothesis that all taxels changed with the film.");
+  py::class_<UniformChange, std::shared_ptr<UniformChange>> bound(module, "UniformChange",
+                                                                  "Hypothesis that all taxels changed with the film.");
   bound
       .def(py::init([](const Values& newton_per_kelvin, double spread) {
-             return UniformChange(vector_of(newton_per_kelvin), spread);
+             return part_of<UniformChange>(vector_of(newton_per_kelvin), spread);
            }),
            py::arg("newton_per_kelvin"), py::arg("spread"))
       .def_property_readonly("observable", &UniformChange::observable, "Whether the pattern is informative.")

@@ -18,14 +18,12 @@
 
 namespace posfet {
 
-RestNoise::RestNoise(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, double least_walk,
-                     double film_lag)
-    : time_constant_(std::move(time_constant)),
-      newton_per_kelvin_(std::move(newton_per_kelvin)),
-      jumps_(time_constant_),
-      walk_(least_walk, film_lag),
-      change_(time_constant_.size(), 0.0),
-      step_(time_constant_.size(), 0.0) {}
+RestNoise::RestNoise(const EstimatedArray& array)
+    : array_(array),
+      jumps_(array.time_constant),
+      walk_(array.priors.film_walk, array.film_lag),
+      change_(array.taxels(), 0.0),
+      step_(array.taxels(), 0.0) {}
 
 void RestNoise::observe_steps(const LastBlocks& blocks, const Belief& belief, const TaxelFlags& counts, bool at_rest) {
   const Block& middle = blocks[kStepHalf];
@@ -33,13 +31,13 @@ void RestNoise::observe_steps(const LastBlocks& blocks, const Belief& belief, co
   for (std::size_t index = 0; index < kStepWindow; ++index) {
     window.force.push_back(blocks[index].mean.data());
   }
-  find_signal_steps(window, time_constant_, step_.data());
+  find_signal_steps(window, array_.time_constant, step_.data());
   std::fill(change_.begin(), change_.end(), 0.0);
   if (at_rest) {
     add_change(blocks[kStepHalf - 1], middle, belief, counts);
     const double kelvin = add_change(middle, blocks[kStepHalf + 1], belief, counts);
     for (std::size_t taxel = 0; taxel < change_.size(); ++taxel) {
-      change_[taxel] -= newton_per_kelvin_[taxel] * kelvin;
+      change_[taxel] -= array_.newton_per_kelvin[taxel] * kelvin;
     }
   }
   jumps_.observe(counts.data(), step_.data(), change_.data(), middle.noise.data(), middle.span);
@@ -53,7 +51,7 @@ void RestNoise::observe_walk(const LastBlocks& blocks, const Belief& belief, con
   double count = 0.0;
   for (std::size_t taxel = 0; taxel < change_.size(); ++taxel) {
     if (counts[taxel]) {
-      noise += after.noise[taxel] / square(newton_per_kelvin_[taxel]);
+      noise += after.noise[taxel] / square(array_.newton_per_kelvin[taxel]);
       count += 1.0;
     }
   }
@@ -65,11 +63,11 @@ void RestNoise::observe_walk(const LastBlocks& blocks, const Belief& belief, con
 double RestNoise::add_change(const Block& from, const Block& to, const Belief& belief, const TaxelFlags& counts) {
   Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < change_.size(); ++taxel) {
-    const double offset = belief.error_of(taxel)[kOffset] + time_constant_[taxel] * belief.shared[kDrift];
-    const double drift = offset * to.leak / time_constant_[taxel];
+    const double offset = belief.error_of(taxel)[kOffset] + array_.time_constant[taxel] * belief.shared[kDrift];
+    const double drift = offset * to.leak / array_.time_constant[taxel];
     change_[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
     if (counts[taxel]) {
-      kelvins.push_back(change_[taxel] / newton_per_kelvin_[taxel]);
+      kelvins.push_back(change_[taxel] / array_.newton_per_kelvin[taxel]);
     }
   }
   return upper_median(kelvins);

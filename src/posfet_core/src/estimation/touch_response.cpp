@@ -9,8 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <utility>
 
 #include "posfet_core/numbers.hpp"
 #include "posfet_core/product.hpp"
@@ -24,36 +22,15 @@ double without(double force, double steepness) { return std::exp(-std::pow(force
 
 }  // namespace
 
-TouchResponse::TouchResponse(const Layout& layout, std::vector<double> time_constant,
-                             std::vector<double> newton_per_kelvin, ErrorPriors priors)
-    : tau_(std::move(time_constant)), per_kelvin_(std::move(newton_per_kelvin)), priors_(std::move(priors)) {
-  const auto place = [](Taxel index, Taxel count) {
-    const double half = 0.5 * static_cast<double>(count - 1);
-    return (static_cast<double>(index) - half) / std::max(half, 0.5);
-  };
-  for (Taxel taxel = 0; taxel < layout.rows * layout.cols; ++taxel) {
-    x_.push_back(place(taxel % layout.cols, layout.cols));
-    y_.push_back(place(taxel / layout.cols, layout.rows));
-  }
-  std::vector<double>& profile = priors_.bend_profile;
-  if (profile.empty()) {
-    profile.assign(x_.size(), 1.0);
-  }
-  if (profile.size() != x_.size()) {
-    throw std::invalid_argument("bend_profile must have one value for each taxel, or none");
-  }
-  reset();
-}
-
 void TouchResponse::reset() {
   for (auto* values : {&charge_, &force_, &warm_, &certain_, &range_, &loops_}) {
-    values->assign(tau_.size(), 0.0);
+    values->assign(taxels(), 0.0);
   }
   for (auto& values : followed_) {
-    values.assign(tau_.size(), 0.0);
+    values.assign(taxels(), 0.0);
   }
   for (auto& values : plays_) {
-    values.assign(tau_.size(), 0.0);
+    values.assign(taxels(), 0.0);
   }
   warmed_.fill(0.0);
   warming_ = 0.0;
@@ -66,8 +43,9 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
   if (!responding_) {
     return;
   }
+  const ErrorPriors& priors = array_->priors;
   for (std::size_t creep = 0; creep < kCreeps; ++creep) {
-    const double share = -std::expm1(-duration / priors_.creep_times[creep]);
+    const double share = -std::expm1(-duration / priors.creep_times[creep]);
     for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
       followed_[creep][taxel] += share * (force[taxel] - followed_[creep][taxel]);
     }
@@ -76,29 +54,29 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
   const double total = sum(force);
   warming_ = 0.0;
   for (std::size_t each = 0; each < kWarmings; ++each) {
-    const double follows = -std::expm1(-duration / priors_.chip_times[each]) * (total - warmed_[each]);
+    const double follows = -std::expm1(-duration / priors.chip_times[each]) * (total - warmed_[each]);
     warmed_[each] += follows;
-    warming_ += priors_.chip_warming[each] * (follows / duration);
+    warming_ += priors.chip_warming[each] * (follows / duration);
   }
-  const double warming = -std::expm1(-duration / priors_.warmth_time);
-  const double saturating = priors_.warmth_force;
-  const double steep = priors_.warmth_steepness;
+  const double warming = -std::expm1(-duration / priors.warmth_time);
+  const double saturating = priors.warmth_force;
+  const double steep = priors.warmth_steepness;
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    const double ratio = duration / (tau_[taxel] * (1.0 + known.leak));
+    const double ratio = duration / (array_->time_constant[taxel] * (1.0 + known.leak));
     const double left = std::exp(-ratio);
     charge_[taxel] = charge_[taxel] * left + (force[taxel] - force_[taxel]) * (1.0 - left) / ratio;
     force_[taxel] = force[taxel];
     // The thermal contact saturates. By what a force seems to be it is no more than keeps no force up: a film that
     // warms hides at most as much of a force as there is; nor is it steep, then: at a force that may be wrong by as
     // much, steep contacts are any on average. What a force is at least has all of it.
-    const double self = std::max(saturating, -per_kelvin_[taxel] * known.warmth);
+    const double self = std::max(saturating, -array_->newton_per_kelvin[taxel] * known.warmth);
     const double steepness = std::max(steep * square(saturating / self), std::min(steep, 1.0));
-    const double certain = priors_.warmth_certain * (1.0 - without(least[taxel] / saturating, steep));
+    const double certain = priors.warmth_certain * (1.0 - without(least[taxel] / saturating, steep));
     const double contact = std::max(1.0 - without(force[taxel] / self, steepness), certain);
     certain_[taxel] += warming * (certain - certain_[taxel]);
     warm_[taxel] += warming * (contact - warm_[taxel]);
-    const double range = without(least[taxel] / self, steepness) -
-                         without(most[taxel] * priors_.warmth_force_spread / saturating, steep);
+    const double range =
+        without(least[taxel] / self, steepness) - without(most[taxel] * priors.warmth_force_spread / saturating, steep);
     range_[taxel] += warming * (range - range_[taxel]);
   }
 }
@@ -106,49 +84,49 @@ void TouchResponse::advance(const std::vector<double>& force, const std::vector<
 /// Drag the play operators along, never further than their half width from the force.
 void TouchResponse::follow_loops(const std::vector<double>& force) {
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
-    loops_[taxel] = -priors_.loop_slope * force[taxel];
+    loops_[taxel] = -array_->priors.loop_slope * force[taxel];
     for (std::size_t loop = 0; loop < kLoops; ++loop) {
       double& play = plays_[loop][taxel];
-      const double half = priors_.loop_half_widths[loop];
+      const double half = array_->priors.loop_half_widths[loop];
       play = std::min(std::max(play, force[taxel] - half), force[taxel] + half);
-      loops_[taxel] += priors_.loop_weights[loop] * (force[taxel] - play);
+      loops_[taxel] += array_->priors.loop_weights[loop] * (force[taxel] - play);
     }
   }
 }
 
 double TouchResponse::warmth_difference(double warmth) const {
-  return priors_.warmth_least + priors_.warmth_spread * std::abs(warmth);
+  return array_->priors.warmth_least + array_->priors.warmth_spread * std::abs(warmth);
 }
 
 double TouchResponse::warmth_variance(std::size_t taxel, double warmth) const {
   const double own = warmth_difference(warmth) * warm_[taxel];
-  const double contact = priors_.warmth_contact * std::abs(warmth) * range_[taxel];
-  return square(per_kelvin_[taxel]) * (square(own) + square(contact));
+  const double contact = array_->priors.warmth_contact * std::abs(warmth) * range_[taxel];
+  return square(array_->newton_per_kelvin[taxel]) * (square(own) + square(contact));
 }
 
 void TouchResponse::reduce_warmth(std::size_t taxel, double left, double warmth) {
-  const double per_warm = -per_kelvin_[taxel] * warmth;
-  if (left > 0.0 && per_warm > 0.0 && priors_.warmth_certain > 0.0) {
+  const double per_warm = -array_->newton_per_kelvin[taxel] * warmth;
+  if (left > 0.0 && per_warm > 0.0 && array_->priors.warmth_certain > 0.0) {
     const double own = std::min(left, per_warm * std::max(warm_[taxel] - certain_[taxel], 0.0));
     warm_[taxel] -= own / per_warm;
   }
 }
 
 void TouchResponse::matrix(double* response) const {
-  std::fill_n(response, tau_.size() * kSharedStates, 0.0);
+  std::fill_n(response, taxels() * kSharedStates, 0.0);
   const double total = sum(force_);
-  const double moment_x = dot(force_.data(), x_.data(), force_.size());
-  const double moment_y = dot(force_.data(), y_.data(), force_.size());
-  for (std::size_t taxel = 0; taxel < tau_.size(); ++taxel) {
+  const double moment_x = dot(force_.data(), array_->x.data(), force_.size());
+  const double moment_y = dot(force_.data(), array_->y.data(), force_.size());
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     double* row = response + taxel * kSharedStates;
-    row[kFilm] = per_kelvin_[taxel];
-    row[kBend] = total * priors_.bend_profile[taxel];
-    row[kBendX] = total * x_[taxel];
-    row[kBendY] = total * y_[taxel];
-    row[kBendMoment] = moment_x * x_[taxel] + moment_y * y_[taxel];
+    row[kFilm] = array_->newton_per_kelvin[taxel];
+    row[kBend] = total * array_->priors.bend_profile[taxel];
+    row[kBendX] = total * array_->x[taxel];
+    row[kBendY] = total * array_->y[taxel];
+    row[kBendMoment] = moment_x * array_->x[taxel] + moment_y * array_->y[taxel];
     row[kLeak] = leaked(taxel);
-    row[kWarmth] = per_kelvin_[taxel] * warm_[taxel];
-    row[kWeakWarmth] = per_kelvin_[taxel] * range_[taxel];
+    row[kWarmth] = array_->newton_per_kelvin[taxel] * warm_[taxel];
+    row[kWeakWarmth] = array_->newton_per_kelvin[taxel] * range_[taxel];
     for (std::size_t creep = 0; creep < kCreeps; ++creep) {
       row[kCreep + creep] = followed_[creep][taxel];
     }

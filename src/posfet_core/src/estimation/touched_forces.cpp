@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "posfet_core/estimation/propagation.hpp"
 #include "posfet_core/numbers.hpp"
@@ -30,13 +29,11 @@ constexpr double kPlay = 4.0;
 
 }  // namespace
 
-TouchedForces::TouchedForces(EstimatedArray array, ErrorPriors priors, double per_kelvin)
-    : array_(std::move(array)),
-      priors_(std::move(priors)),
-      per_kelvin_(per_kelvin),
-      surroundings_(Grid(array_.layout)),
-      held_(Grid(array_.layout)),
-      thermal_contact_(array_.taxels(), priors_.warmth_time, array_.threshold) {
+TouchedForces::TouchedForces(const EstimatedArray& array, const ContactSurroundings& surroundings)
+    : array_(array),
+      surroundings_(surroundings),
+      held_(Grid(array.layout)),
+      thermal_contact_(array.taxels(), array.priors.warmth_time, array.threshold) {
   for (auto* values : {&steady_, &felt_, &pressing_, &least_, &most_, &known_, &reading_}) {
     values->assign(array_.taxels(), 0.0);
   }
@@ -76,17 +73,17 @@ void TouchedForces::find_tails(Block& block, const TaxelFlags& ignored) {
 void TouchedForces::find_bounds(const Block& block, const Shown& shown) {
   TaxelFlags near(steady_.size());
   surroundings_.dilate(block.listed, near);
-  const double spread = 2.0 * tail_spread(priors_, shown.belief);
+  const double spread = 2.0 * tail_spread(array_.priors, shown.belief);
   for (std::size_t taxel = 0; taxel < steady_.size(); ++taxel) {
     // Without the force that is the warmth's own, which would keep itself up.
     const double by_warmth = array_.newton_per_kelvin[taxel] * shown.belief.shared[kWarmth] * shown.touch.warm()[taxel];
     const double tail = near[taxel] ? block.tail[taxel] : 0.0;
     const bool counts = near[taxel] && (!shown.ignored[taxel] || shown.informative[taxel]);
     pressing_[taxel] = counts ? std::max(steady_[taxel], 0.0) : 0.0;
-    least_[taxel] = std::max(pressing_[taxel] + std::min(by_warmth, 0.0), priors_.tail * tail);
+    least_[taxel] = std::max(pressing_[taxel] + std::min(by_warmth, 0.0), array_.priors.tail * tail);
     most_[taxel] = std::max(pressing_[taxel], spread * tail);
   }
-  if (priors_.warmth_certain <= 0.0) {
+  if (array_.priors.warmth_certain <= 0.0) {
     return;
   }
   raise_to_held(shown, near, block.duration);
@@ -99,7 +96,7 @@ void TouchedForces::find_bounds(const Block& block, const Shown& shown) {
 }
 
 double TouchedForces::hidden_share(const Belief& belief) const {
-  return -per_kelvin_ * belief.shared[kWarmth] / std::max(priors_.warmth_force, array_.threshold);
+  return -array_.per_kelvin * belief.shared[kWarmth] / std::max(array_.priors.warmth_force, array_.threshold);
 }
 
 /// Raise what forces are at least, where warmth might be all of them, to what they were when what certainly presses

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/force_integration.hpp"
@@ -18,8 +17,8 @@
 
 namespace posfet {
 
-UniformChange::UniformChange(std::vector<double> newton_per_kelvin, double spread)
-    : per_kelvin_(std::move(newton_per_kelvin)),
+UniformChange::UniformChange(const std::vector<double>& newton_per_kelvin, double spread)
+    : per_kelvin_(newton_per_kelvin),
       spread_(spread),
       observable_(per_kelvin_.size() >= kFewestForUniform &&
                   std::all_of(per_kelvin_.begin(), per_kelvin_.end(), [](double each) { return each != 0.0; })) {}

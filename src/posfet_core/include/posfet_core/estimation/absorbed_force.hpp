@@ -13,6 +13,7 @@
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/flags.hpp"
 
 namespace posfet {
@@ -24,9 +25,8 @@ namespace posfet {
 /// known as far as the taxel's response is.
 class AbsorbedForce {
 public:
-  /// Time constants of the leakage [s] and pyroelectric signals [N/K] of the taxels; `observable`: whether zero forces
-  /// determine the temperature of the film.
-  AbsorbedForce(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, bool observable);
+  /// `observable`: whether zero forces determine the temperature of the film.
+  AbsorbedForce(const EstimatedArray& array, bool observable);
 
   /// Begin again with the present errors of a taxel.
   void restart(std::size_t taxel, const Belief& belief);
@@ -49,8 +49,7 @@ public:
   const std::vector<double>& values() const { return values_; }
 
 private:
-  std::vector<double> time_constant_;
-  std::vector<double> newton_per_kelvin_;
+  const EstimatedArray& array_;
   bool observable_;
   std::vector<double> error_;          ///< Usual error of each force [N],
   std::vector<double> offset_;         ///< and the offset of the signal that goes with it [N].

@@ -36,8 +36,7 @@ struct Zeros {
 /// responds to the shared states; and what is left of it beyond the belief.
 class BlockResiduals {
 public:
-  /// `per_kelvin`: mean signal of a change of the film's temperature [N/K].
-  BlockResiduals(EstimatedArray array, ErrorPriors priors, double per_kelvin);
+  explicit BlockResiduals(const EstimatedArray& array);
 
   /// Expect no force, and small ones beside a contact.
   void expect_small_forces(const Block& block, const Belief& belief, const TouchResponse& touch);
@@ -82,9 +81,7 @@ public:
                  double* left) const;
 
 private:
-  EstimatedArray array_;
-  ErrorPriors priors_;
-  double per_kelvin_;
+  const EstimatedArray& array_;
   std::vector<double> measured_;     ///< Errors of the forces as measured [N].
   std::vector<double> response_;     ///< Their responses to the shared states, [taxels, states].
   std::vector<double> noise_;        ///< Variance of their noise [N2].

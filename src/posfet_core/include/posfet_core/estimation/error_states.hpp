@@ -101,8 +101,8 @@ public:
   /// Greatest one [1]: 20 s.
   static constexpr double kGreatestLag = 3.0;
 
-  /// Time constant of the film's lag behind the chip [s], >= 0.
-  SharedDynamics(ErrorPriors priors, double film_lag);
+  /// The priors, which stay where they are; time constant of the film's lag behind the chip [s], >= 0.
+  SharedDynamics(const ErrorPriors& priors, double film_lag);
 
   /// Set the variance by which the temperature of chip and film grows in each second [K2/s].
   void set_film_walk(double intensity);
@@ -119,7 +119,7 @@ public:
   static double sensor_lag(const std::vector<double>& state);
 
 private:
-  ErrorPriors priors_;
+  const ErrorPriors& priors_;
   double film_lag_;
   SquareMatrix noise_;  ///< Of the process, in each second.
   SharedTransition transition_;

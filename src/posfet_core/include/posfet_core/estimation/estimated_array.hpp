@@ -11,12 +11,14 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/grid.hpp"
 
 namespace posfet {
 
-/// What description and calibration say of an array; vectors have one value for each taxel.
+/// What description and calibration say of an array; vectors have one value for each taxel. The estimator has the only
+/// one, which its parts refer to.
 struct EstimatedArray {
   std::size_t taxels() const { return time_constant.size(); }
 
@@ -33,6 +35,16 @@ struct EstimatedArray {
   double greatest_force;                  ///< Greatest force of a taxel [N].
   double left_charge;                     ///< Charge left by an earlier force at the start, as a force [N].
   double film_lag;                        ///< Time constant of the film's lag behind the chip [s], >= 0.
+  ErrorPriors priors;
+
+  // What follows from these (`completed`).
+  double per_kelvin = 0.0;  ///< Mean of `newton_per_kelvin` [N/K].
+  std::vector<double> x{};  ///< Position, from -1 to 1 at the edges of the array.
+  std::vector<double> y{};
 };
+
+/// An array with what follows from its values; `bend_profile` has a part of each taxel then, and a pyroelectric signal
+/// that would not matter is none. Throws std::invalid_argument where the array is none, or values are missing.
+EstimatedArray completed(EstimatedArray array);
 
 }  // namespace posfet

@@ -9,7 +9,6 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <vector>
 
 #include "posfet_core/estimation/block.hpp"
@@ -41,7 +40,8 @@ public:
     double unconfirmed;                   ///< Temperature of the film that the sensors do not show [K].
   };
 
-  ForceCovariance(EstimatedArray array, const ErrorPriors& priors, std::shared_ptr<ForceIntegration> integration);
+  ForceCovariance(const EstimatedArray& array, const ContactSurroundings& surroundings,
+                  ForceIntegration::State& integrated);
 
   /// Find the covariance at the end of a block, with the touched forces that the integration holds then.
   void update(const Block& block, const Known& known);
@@ -62,9 +62,8 @@ public:
 private:
   void add_causes(std::size_t taxel, const Known& known, double object) const;
 
-  EstimatedArray array_;
-  std::shared_ptr<ForceIntegration> integration_;
-  ContactSurroundings surroundings_;
+  const EstimatedArray& array_;
+  ForceIntegration::State& integrated_;
   HiddenForce hidden_;
   std::vector<double> own_;
   std::vector<double> untouched_;

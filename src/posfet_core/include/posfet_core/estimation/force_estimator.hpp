@@ -70,7 +70,7 @@ constexpr double kMaxRelativeUncertainty = 0.2;
 class ForceEstimator {
 public:
   /// Throws std::invalid_argument where the array is none, or values are missing.
-  ForceEstimator(EstimatedArray array, ErrorPriors priors);
+  explicit ForceEstimator(EstimatedArray array);
 
   ~ForceEstimator() = default;
   ForceEstimator(const ForceEstimator&) = delete;
@@ -217,11 +217,11 @@ private:
   void confirm_offsets(double duration);
   void prepare_compensation(const Block& block);
 
-  EstimatedArray array_;
-  ErrorPriors priors_;
+  // What all parts refer to.
+  const EstimatedArray array_;
+  const ContactSurroundings surroundings_;
   std::shared_ptr<ForceIntegration> integration_;
   ForceIntegration::State& state_;  ///< Of the integration.
-  double per_kelvin_;               ///< Mean signal of a change of the film's temperature [N/K].
   UniformChange uniform_;
 
   // The belief, and what changes it.
@@ -239,7 +239,6 @@ private:
   UnseenRelease unseen_;
   ProcessNoise process_noise_;
   HotFilm hot_film_;
-  ContactSurroundings surroundings_;
 
   // Doubts.
   UnheatedBelief unheated_;  ///< While `uniform_` is open.

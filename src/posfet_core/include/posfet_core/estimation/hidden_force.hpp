@@ -13,7 +13,7 @@
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
-#include "posfet_core/estimation/error_states.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/flags.hpp"
 
 namespace posfet {
@@ -34,11 +34,10 @@ public:
     bool begins;                          ///< Whether no contact is listed yet.
   };
 
-  /// Pyroelectric signal of each taxel [N/K].
-  HiddenForce(std::vector<double> newton_per_kelvin, const ErrorPriors& priors);
+  HiddenForce(const EstimatedArray& array, const ContactSurroundings& surroundings);
 
   /// Process a block.
-  void follow(const Block& block, const Belief& belief, const Shown& shown, const ContactSurroundings& surroundings);
+  void follow(const Block& block, const Belief& belief, const Shown& shown);
 
   /// What may be hidden [N], >= 0.
   const std::vector<double>& values() const { return values_; }
@@ -46,8 +45,8 @@ public:
 private:
   void find_taps(const Block& block, const Shown& shown);
 
-  std::vector<double> newton_per_kelvin_;
-  double warmth_time_;
+  const EstimatedArray& array_;
+  const ContactSurroundings& surroundings_;
   double least_force_;        ///< Least force that warms a taxel as `ErrorPriors::warmth_force` says [N].
   std::vector<double> felt_;  ///< Mean force of the last block, no less than zero [N].
   TaxelFlags tapped_;         ///< Touched taxels that have lost most of their force within a block,

@@ -9,11 +9,11 @@
 #pragma once
 
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/flags.hpp"
 
 namespace posfet {
@@ -35,14 +35,12 @@ public:
     const TaxelFlags& beside;           ///< Taxels that are touched, or beside such ones.
   };
 
-  /// Pyroelectric signal of each taxel [N/K]; time constant of the warmth of touched taxels [s].
-  HotFilm(Grid grid, std::vector<double> newton_per_kelvin, double warmth_time)
-      : surroundings_(std::move(grid)),
-        newton_per_kelvin_(std::move(newton_per_kelvin)),
-        warmth_time_(warmth_time),
-        near_(newton_per_kelvin_.size()),
-        below_(newton_per_kelvin_.size()),
-        warm_(newton_per_kelvin_.size()) {}
+  HotFilm(const EstimatedArray& array, const ContactSurroundings& surroundings)
+      : array_(array),
+        surroundings_(surroundings),
+        near_(array.taxels()),
+        below_(array.taxels()),
+        warm_(array.taxels()) {}
 
   /// Whether what touches may have warmed the film so much that force and warmth are hardly separable.
   bool may_be_hot(const Belief& belief) const;
@@ -70,9 +68,8 @@ public:
   void forget();
 
 private:
-  ContactSurroundings surroundings_;
-  std::vector<double> newton_per_kelvin_;
-  double warmth_time_;
+  const EstimatedArray& array_;
+  const ContactSurroundings& surroundings_;
   bool hot_ = false;    ///< Whether this or the last touch has shown a hot film.
   bool shown_ = false;  ///< Whether the present touch has shown one.
   bool touches_ = false;

@@ -40,8 +40,8 @@ constexpr double kLeastJumpMemory = 2.0;
 /// J*D/4.
 class JumpNoise {
 public:
-  /// Leakage time constants tau [s].
-  explicit JumpNoise(std::vector<double> time_constant);
+  /// Leakage time constants tau [s], which stay where they are.
+  explicit JumpNoise(const std::vector<double>& time_constant);
 
   std::size_t taxels() const { return tau_.size(); }
 
@@ -61,7 +61,7 @@ public:
   double least_offset_variance(std::size_t taxel) const { return squares_[taxel] * (0.25 * kDwell); }
 
 private:
-  std::vector<double> tau_;
+  const std::vector<double>& tau_;
   std::vector<double> squares_;  ///< J [N2/s].
   std::vector<double> time_;     ///< Time of observation [s].
 };

@@ -48,7 +48,7 @@ public:
     bool may_be_hot;                      ///< Whether warmth may be hardly separable from force.
   };
 
-  ProcessNoise(EstimatedArray array, ErrorPriors priors);
+  ProcessNoise(const EstimatedArray& array, const ContactSurroundings& surroundings);
 
   /// Find the noise of a block, and the share of its warmth that each taxel loses in it.
   void measure(Block& block, const Shown& shown);
@@ -66,9 +66,8 @@ private:
   void add_unknown_warmth(Block& block, const TaxelFlags& was_touched) const;
   void find_shared_noise(Block& block, const Shown& shown);
 
-  EstimatedArray array_;
-  ErrorPriors priors_;
-  ContactSurroundings surroundings_;
+  const EstimatedArray& array_;
+  const ContactSurroundings& surroundings_;
   MovedShare moved_share_;
   ObjectHeating heating_;
   double farthest_ = 0.0;          ///< Greatest difference from the temperature of the calibration [K].

@@ -36,8 +36,8 @@ public:
     double spread;      ///< and the logarithm of that variance [1].
   };
 
-  /// Mean signal of a change of the film's temperature [N/K]; `observable`: whether zero forces determine that.
-  Propagation(EstimatedArray array, const ErrorPriors& priors, double per_kelvin, bool observable);
+  /// `observable`: whether zero forces determine the temperature of the film.
+  Propagation(const EstimatedArray& array, bool observable);
 
   /// Propagate a belief over a block.
   void predict(ForceErrorFilter& filter, const Block& block);
@@ -72,9 +72,7 @@ public:
 private:
   void expect_tail(SharedTransition& shared, const Belief& belief, const Block& block) const;
 
-  EstimatedArray array_;
-  ErrorPriors priors_;
-  double per_kelvin_;
+  const EstimatedArray& array_;
   bool observable_;
   SharedDynamics dynamics_;
 };

@@ -13,6 +13,7 @@
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/jump_noise.hpp"
 #include "posfet_core/estimation/temperature_walk.hpp"
 #include "posfet_core/flags.hpp"
@@ -22,10 +23,7 @@ namespace posfet {
 /// Observes steps of single signals, and the random walk of the temperature, in the stored blocks.
 class RestNoise {
 public:
-  /// Time constants of the leakage [s] and pyroelectric signals [N/K] of the taxels; least random walk of the
-  /// temperature [K/sqrt(s)], and time constant of the film's lag behind the chip [s].
-  RestNoise(std::vector<double> time_constant, std::vector<double> newton_per_kelvin, double least_walk,
-            double film_lag);
+  explicit RestNoise(const EstimatedArray& array);
 
   /// Noise of single taxels.
   const JumpNoise& jumps() const { return jumps_; }
@@ -49,8 +47,7 @@ public:
 private:
   double add_change(const Block& from, const Block& to, const Belief& belief, const TaxelFlags& counts);
 
-  std::vector<double> time_constant_;
-  std::vector<double> newton_per_kelvin_;
+  const EstimatedArray& array_;
   JumpNoise jumps_;
   TemperatureWalk walk_;
   std::vector<double> change_;  ///< Changes of the mean forces [N].

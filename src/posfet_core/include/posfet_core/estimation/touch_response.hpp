@@ -14,20 +14,17 @@
 #include <array>
 #include <vector>
 
-#include "posfet_core/estimation/error_states.hpp"
-#include "posfet_core/grid.hpp"
+#include "posfet_core/estimation/estimated_array.hpp"
 
 namespace posfet {
 
 /// Responses of the force errors to the shared states.
 class TouchResponse {
 public:
-  /// Leakage time constants [s] and pyroelectric signals [N/K] of each taxel; time constants of creep and warmth.
-  /// Throws std::invalid_argument where the bending has a part for another number of taxels.
-  TouchResponse(const Layout& layout, std::vector<double> time_constant, std::vector<double> newton_per_kelvin,
-                ErrorPriors priors);
+  /// An array that stays where it is.
+  explicit TouchResponse(const EstimatedArray& array) : array_(&array) { reset(); }
 
-  std::size_t taxels() const { return tau_.size(); }
+  std::size_t taxels() const { return array_->taxels(); }
 
   /// Forget all touches.
   void reset();
@@ -77,11 +74,7 @@ public:
 private:
   void follow_loops(const std::vector<double>& force);
 
-  std::vector<double> x_;  ///< Position, from -1 to 1 at the edges of the array.
-  std::vector<double> y_;
-  std::vector<double> tau_;
-  std::vector<double> per_kelvin_;
-  ErrorPriors priors_;  ///< With a part of each taxel in the bending.
+  const EstimatedArray* array_;
   bool responding_ = false;
   std::array<std::vector<double>, kCreeps> followed_;  ///< Force that creep follows with each time constant [N].
   std::vector<double> charge_;                         ///< Remaining charge of the touched force [N].

@@ -37,8 +37,7 @@ public:
     const TaxelFlags& informative;    ///< Those of them that count in sums.
   };
 
-  /// `per_kelvin`: mean signal of a change of the film's temperature [N/K].
-  TouchedForces(EstimatedArray array, ErrorPriors priors, double per_kelvin);
+  TouchedForces(const EstimatedArray& array, const ContactSurroundings& surroundings);
 
   /// Follow the forces of a block; finds what its touch lets the taxels beside it feel.
   void follow(Block& block, const Shown& shown);
@@ -68,10 +67,8 @@ private:
   void raise_to_held(const Shown& shown, const TaxelFlags& near, double duration);
   void follow_thermal_contact(const Shown& shown, double duration);
 
-  EstimatedArray array_;
-  ErrorPriors priors_;
-  double per_kelvin_;
-  ContactSurroundings surroundings_;
+  const EstimatedArray& array_;
+  const ContactSurroundings& surroundings_;
   HeldForces held_;
   ThermalContact thermal_contact_;
   std::vector<double> steady_;

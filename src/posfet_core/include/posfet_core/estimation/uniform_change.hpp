@@ -40,8 +40,9 @@ public:
   /// soon is again.
   static constexpr double kPause = 1.0;
 
-  /// Pyroelectric signal of each taxel [N/K], and the relative standard deviation of these [1].
-  UniformChange(std::vector<double> newton_per_kelvin, double spread);
+  /// Pyroelectric signal of each taxel [N/K], which stays where it is, and the relative standard deviation of these
+  /// [1].
+  UniformChange(const std::vector<double>& newton_per_kelvin, double spread);
 
   std::size_t taxels() const { return per_kelvin_.size(); }
 
@@ -84,7 +85,7 @@ public:
   void close() { open_ = std::numeric_limits<double>::quiet_NaN(); }
 
 private:
-  std::vector<double> per_kelvin_;
+  const std::vector<double>& per_kelvin_;
   double spread_;
   bool observable_;
   double pause_ = 0.0;                                      ///< Time for which the hypothesis must not be made [s].
