@@ -620,11 +620,7 @@ class JumpNoise:
 
 class LoneDrift:
     BLOCKS: Final[int]
-    HOP: Final[int]
-    DRIFTS: Final[float]
-    OTHERS: Final[float]
     WINDOWS: Final[int]
-    SAME: Final[float]
     class Drift:
         @property
         def taxel(self) -> int: ...

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_core.scan_path import LoneDrift
+from posfet_core.scan_path import HOP, LoneDrift
 from reference.estimation.lone_drift import LoneDrift as Reference
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ FORCE = 1e-3 * np.array([0, 0, 0, 0, 0, 0, 60, 80, 20, 0, 0, 90, 150, 60, 0, 0, 
 """A ball on 25 taxels [N]."""
 LISTED = FORCE >= 10e-3
 ALL = np.ones(25, np.bool_)
-KNOWN = BLOCK * (LoneDrift.BLOCKS + (LoneDrift.WINDOWS - 1) * LoneDrift.HOP)
+KNOWN = BLOCK * (LoneDrift.BLOCKS + (LoneDrift.WINDOWS - 1) * HOP)
 """Time after which a drift that is there is known [s]."""
 WINDOW = BLOCK * (LoneDrift.BLOCKS - 1)
 

@@ -50,7 +50,7 @@ from reference.estimation.thermal_contact import ThermalContact
 from reference.estimation.touch_response import TouchResponse
 from reference.estimation.validity import LowerBoundMonitor
 from reference.estimation.witnesses import SPACING, Witnesses
-from reference.estimation.zero_refutation import CONTRADICTED, EVIDENCE, PRESSED, SURPRISING, ZeroRefutation
+from reference.estimation.zero_refutation import EVIDENCE, PRESSED, SIGNIFICANT, SURPRISING, ZeroRefutation
 from reference.reductions import any_true, median, upper_median
 
 BLOCK: Final = 0.02
@@ -87,9 +87,6 @@ RESTART_DEVIATION: Final = 0.1
 OFFSET_SPREAD: Final = 2.0
 """Greatest deviation of an untouched taxel's offset from the median offset [contact threshold]; a larger one requires a
 longer rest."""
-
-SETTLED_BLOCKS: Final = 5
-"""Blocks in which the array must have been still before offsets count as known [1]: 0.1 s."""
 
 BEGUN: Final = 0.51
 """Sum of the shares of the force up to which the touch has just begun [1]: no sum of plays alone."""
@@ -1061,7 +1058,7 @@ class ForceEstimator:
         kelvin, deviations, square, spread = self._measure_temperature(self._filter, block, any_true(zeros))
         hidden = any_true(zeros) and kelvin * self._mean_per_kelvin < 0.0 and not self._uniform.open
         hidden = hidden and self._has_rested()  # a release moves the rate, too
-        self._refuted = kelvin if hidden and deviations > CONTRADICTED and self._was_misled() else 0.0
+        self._refuted = kelvin if hidden and deviations > SIGNIFICANT and self._was_misled() else 0.0
         if self._refuted:
             self._refutation.refute()
         block.unlikely = min(square, SURPRISING * SURPRISING) + spread
@@ -1640,7 +1637,7 @@ class ForceEstimator:
         at_rest = self._rest.update(self._integration.signal, self.ignored, duration, warming)
         if self._rest.moved:
             self._restart(~self.offset_known & ~self.ignored)
-        elif at_rest and len(self._blocks) >= SETTLED_BLOCKS:
+        elif at_rest and len(self._blocks) >= STILL_BLOCKS:
             self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
 
     def _warms(self) -> bool:

@@ -14,9 +14,7 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array, Mask
-
-STEP: Final = 4.0
-"""Deviations of the difference of two blocks' means from which on it is a step [1]."""
+from reference.estimation.signal_steps import STEP
 
 SEEN: Final = 2.0
 """Number of such differences that show the same step [1], with a block between the two."""

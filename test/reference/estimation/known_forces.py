@@ -46,7 +46,7 @@ SMALL: Final = 0.25
 """Such a force is small below this share of the contact threshold [1]."""
 
 STILL_BLOCKS: Final = 5
-"""Blocks over which a released contact is still."""
+"""Blocks over which all is still once it counts as such [1]: 0.1 s."""
 
 RELEASED_BLOCKS: Final = 3
 """Blocks for which a contact must look released."""

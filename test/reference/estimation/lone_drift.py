@@ -23,17 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array
+from reference.estimation.known_forces import GATE
+from reference.estimation.steady_force import HOP
 
 Mask = NDArray[np.bool_]
 
 BLOCKS: Final = 16
 """Blocks of a window."""
-
-HOP: Final = 4
-"""Blocks from one window to the next."""
-
-DRIFTS: Final = 5.0
-"""Deviations of its noise from which on a rate is a drift [1]."""
 
 OTHERS: Final = 0.4
 """Part of a drift up to which others change in the same time [1], assumed: of a force, neighbours feel more."""
@@ -122,10 +118,10 @@ class LoneDrift:
         others[taxel] = False
         beyond = np.abs(rate - np.where(held, common * mean, 0.0))[others]
         greatest = float(beyond.max()) if len(beyond) else 0.0
-        if max(abs(own), greatest) < DRIFTS * noise:
+        if max(abs(own), greatest) < GATE * noise:
             self._since = np.minimum(self._since, window)
         first = self._found[0] if self._found else (taxel, math.inf)
-        if not abs(own) > DRIFTS * noise or not greatest < OTHERS * abs(own):
+        if not abs(own) > GATE * noise or not greatest < OTHERS * abs(own):
             self._found = []
             return None
         if taxel != first[0] or not abs(own - first[1]) < SAME * abs(first[1]):

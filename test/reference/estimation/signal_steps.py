@@ -14,15 +14,13 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array
+from reference.estimation.zero_refutation import SURPRISING
 
 HALF: Final = 7
 """Blocks on either side of a step, with one between them [1]."""
 
-CERTAIN: Final = 4.0
-"""Deviations from which on a jump is one [1]."""
-
-TELLING: Final = 3.0
-"""Change of slope that a step makes from which on it can be told from none [deviation]."""
+STEP: Final = 4.0
+"""Deviations of a jump from which on it is a step [1]."""
 
 MATCH: Final = 0.5
 """Part by which the change of slope may differ from the one that the step makes [1]."""
@@ -63,10 +61,10 @@ def signal_steps(time: Array, force: Array, variance: Array, tau: Array) -> Arra
         slope_share += 1.0 / square
     noise = np.maximum(variance, left / (2 * HALF - 4))
     jump, bend = value[1] - value[0], slope[1] - slope[0]
-    jumps = jump * jump > CERTAIN**2 * jump_share * noise
+    jumps = jump * jump > STEP**2 * jump_share * noise
     if np.count_nonzero(jumps) != 1:
         return np.zeros_like(jump)
     expected = jump / tau
-    told = expected * expected > TELLING**2 * slope_share * noise
+    told = expected * expected > SURPRISING**2 * slope_share * noise
     step: Array = np.where(jumps & told & (np.abs(bend - expected) < MATCH * np.abs(expected)), jump, 0.0)
     return step

@@ -11,9 +11,6 @@ from __future__ import annotations
 
 from typing import Final
 
-CONTRADICTED: Final = 2.0
-"""Deviations by which a reading must contradict zeros that have changed the rate beyond its dynamics [1]."""
-
 SURPRISING: Final = 3.0
 """Deviations from which on a reading of the temperature sensors is unexpected [1]."""
 
@@ -21,7 +18,8 @@ EVIDENCE: Final = 14.0
 """Twice the logarithm of how much likelier readings must be without zeros [1]."""
 
 SIGNIFICANT: Final = 2.0
-"""Deviations from which on the total force is significant [1]."""
+"""Deviations from which on the total force is significant, and a reading contradicts zeros that have changed the rate
+beyond its dynamics [1]."""
 
 GONE: Final = 0.3
 """Share of its peak below which the total force has gone [1]."""

@@ -194,16 +194,13 @@ public:
   /// once one of them feels `noticeable`, all [N]. Returns what was subtracted from a taxel of average response [N].
   double remove_uniform(const bool* ignored, double noticeable, double most);
 
-  /// Force per temperature of the film, mean of the taxels [N/K].
-  double mean_newton_per_kelvin() const { return mean_newton_per_kelvin_; }
-
 private:
   void set_leak();
   void shift(double factor);
 
   LeakageInverse inverse_;
   std::vector<double> newton_per_kelvin_;
-  double mean_newton_per_kelvin_;
+  double mean_newton_per_kelvin_;  ///< Force per temperature of the film, mean of the taxels [N/K].
   LeakTemperature leak_;
   IntegrationLimits limits_;
   std::size_t causes_;

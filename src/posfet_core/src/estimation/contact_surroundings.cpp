@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "posfet_core/numbers.hpp"
+
 namespace posfet {
 
 namespace {
@@ -31,7 +33,7 @@ double greatest_at(const std::array<Taxel, 8>& around, const std::array<std::siz
 
 /// Force of a taxel [N]; another one where it is unknown or outside of the array.
 double known_force(const std::vector<double>& force, Taxel taxel, double other) {
-  const double known = taxel == Grid::kOutside ? NAN : force[static_cast<std::size_t>(taxel)];
+  const double known = taxel == Grid::kOutside ? kUnknown : force[static_cast<std::size_t>(taxel)];
   return std::isnan(known) ? other : known;
 }
 

@@ -24,12 +24,6 @@ namespace {
 /// Share of a variance that is rounding error [1].
 constexpr double kRounding = 1e-12;
 
-/// Return the variance that the shared states give to a residual of this sensitivity, with space for a row of states.
-double shared_variance_of(const Belief& belief, const double* sensitivity, double* row) {
-  multiply(sensitivity, belief.covariance().data(), row, 1, belief.states(), belief.states());
-  return dot(row, sensitivity, belief.states());
-}
-
 }  // namespace
 
 /// How a taxel's errors follow from a residual of its force.
@@ -186,15 +180,16 @@ void ForceErrorFilter::post_fit(const bool* updated, const double* measured, con
 }
 
 void ForceErrorFilter::shared_variance(const double* sensitivity, double* variance) const {
-  Vector<double> row(belief_->states());
   for (std::size_t taxel = 0; taxel < belief_->taxels(); ++taxel) {
-    variance[taxel] = shared_variance_of(*belief_, sensitivity + taxel * row.size(), row.data());
+    variance[taxel] = shared_variance(sensitivity + taxel * belief_->states());
   }
 }
 
 double ForceErrorFilter::shared_variance(const double* sensitivity) const {
-  Vector<double> row(belief_->states());
-  return shared_variance_of(*belief_, sensitivity, row.data());
+  const std::size_t states = belief_->states();
+  Vector<double> row(states);
+  multiply(sensitivity, belief_->covariance().data(), row.data(), 1, states, states);
+  return dot(row.data(), sensitivity, states);
 }
 
 void ForceErrorFilter::predicted(const double* response, double* errors) const {

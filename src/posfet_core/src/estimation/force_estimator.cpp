@@ -118,8 +118,7 @@ ForceEstimator::ForceEstimator(EstimatedArray array)
 
 /// Offset of a signal [N], with what all have in common.
 double ForceEstimator::offset(std::size_t taxel) const {
-  const Belief& b = *belief();
-  return b.error_of(taxel)[kOffset] + array_.time_constant[taxel] * b.shared[kDrift];
+  return offset_of(*belief(), taxel, array_.time_constant[taxel]);
 }
 
 /// Whether the last contact ended before the stored blocks, and by so much time [s] `longer` ago. Half a block is

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <functional>
 #include <utility>
-#include <vector>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/estimation/force_estimator.hpp"

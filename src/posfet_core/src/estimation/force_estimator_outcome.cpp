@@ -22,9 +22,6 @@ namespace {
 /// Force above which a taxel is not valid [greatest force]: one of a small gain shows more than the nominal one.
 constexpr double kBeyondRange = 1.25;
 
-/// Blocks in which the array must have been still before offsets count as known [1]: 0.1 s.
-constexpr std::size_t kSettledBlocks = 5;
-
 }  // namespace
 
 /// Set the correction of the next scans, covariance and validity.
@@ -125,7 +122,7 @@ void ForceEstimator::confirm_offsets(double duration) {
   const bool at_rest = rest_.update(signals.data(), ignored().data(), duration, uniform_.observable() || warms);
   if (rest_.moved()) {
     restart(unknown);
-  } else if (at_rest && blocks_.size() >= kSettledBlocks) {
+  } else if (at_rest && blocks_.size() >= kStillBlocks) {
     for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
       const double certain = square(0.5 * array_.threshold * array_.time_constant[taxel]);
       const bool known = belief()->own_of(taxel)[own_at(kOffset, kOffset)] <= certain && !ignored()[taxel];

@@ -122,16 +122,23 @@ void ForceEstimator::reset_released(const Block& block, const TaxelFlags& releas
       unseen_.leave(taxel, -residuals_[taxel]);
       add_own_warmth(belief()->own_of(taxel), square(array_.priors.warmth_mean * array_.newton_per_kelvin[taxel]));
     }
-    if (released[taxel]) {
-      left -= residuals_[taxel];
+    left -= released[taxel] ? residuals_[taxel] : 0.0;
+  }
+  set_to_zero(block, released);
+  filter_.admit(direction_of(kRate).data(), square(array_.priors.touch_rate * left));
+  zero_known_ = true;
+  refutation_.clear();
+}
+
+/// Set the forces of taxels to zero, whatever was believed of them.
+void ForceEstimator::set_to_zero(const Block& block, const TaxelFlags& where) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (where[taxel]) {
       belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
                                   block.noise[taxel]);
     }
   }
-  filter_.admit(direction_of(kRate).data(), square(array_.priors.touch_rate * left));
-  zero_known_ = true;
   rested_ = 0.0;
-  refutation_.clear();
   forget_blocks();  // to process them again would undo it
 }
 
@@ -167,12 +174,12 @@ bool ForceEstimator::find_ended(const Block& block, const Vector<const Taxels*>&
   TaxelFlags shown(taxels());
   filter_.forces(block.mean.data(), block.response.data(), course.data());
   const std::size_t blocks = blocks_.size();
-  const bool known = blocks > ReleaseDetector::kStillBlocks;
+  const bool known = blocks > kStillBlocks;
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     variance[taxel] = covariance_.of_motion(taxel);
     const double* response = block.response.data() + taxel * kSharedStates;
     course[taxel] += dot(response + kBend, belief()->shared.data() + kBend, kBends);
-    rise[taxel] = known ? block.mean[taxel] - blocks_[blocks - 1 - ReleaseDetector::kStillBlocks].mean[taxel] : 0.0;
+    rise[taxel] = known ? block.mean[taxel] - blocks_[blocks - 1 - kStillBlocks].mean[taxel] : 0.0;
     const double least = std::max(array_.threshold, kGate * std::sqrt(variance[taxel]));
     shown[taxel] = ignored()[taxel] && informative_[taxel] && mean_[taxel] > least;
   }
@@ -200,15 +207,8 @@ void ForceEstimator::end_unknown_touch(const Block& block) {
   TaxelFlags ended(taxels());
   lower_bound_.update(mean_.data(), still.data(), block.duration, ended.data());
   last_mean_ = mean_;
-  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
-    if (ended[taxel]) {
-      belief()->reset_force_error(taxel, block.mean[taxel], block.response.data() + taxel * kSharedStates,
-                                  block.noise[taxel]);
-    }
-  }
   if (ended.any()) {
-    rested_ = 0.0;
-    forget_blocks();  // to process them again would undo it
+    set_to_zero(block, ended);
   }
 }
 

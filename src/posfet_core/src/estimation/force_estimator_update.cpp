@@ -70,7 +70,7 @@ void ForceEstimator::step(std::size_t index) {
   block.unlikely = std::min(found.square, square(kSurprising)) + found.spread;
   const bool hidden = zeros && found.kelvin * array_.per_kelvin < 0.0 && !uniform_.open() && has_rested();
   refuted_ = 0.0;
-  if (hidden && found.deviations > ZeroRefutation::kContradicted && propagation_.is_misled(blocks_, *belief())) {
+  if (hidden && found.deviations > ZeroRefutation::kSignificant && propagation_.is_misled(blocks_, *belief())) {
     refuted_ = found.kelvin;
     refutation_.refute();
   }

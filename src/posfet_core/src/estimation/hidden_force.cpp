@@ -29,19 +29,19 @@ HiddenForce::HiddenForce(const EstimatedArray& array, const ContactSurroundings&
       least_force_(array.priors.warmth_force / array.priors.warmth_force_spread),
       felt_(array.taxels(), 0.0),
       tapped_(array.taxels()),
-      near_taps_(array.taxels()),
       values_(array.taxels(), 0.0) {}
 
 void HiddenForce::follow(const Block& block, const Belief& belief, const Shown& shown) {
   const double follows = -std::expm1(-block.duration / array_.priors.warmth_time);
   const double kelvin = std::hypot(belief.shared[kWarmth], std::sqrt(belief.variance(kWarmth)));
   find_taps(block, shown);
-  surroundings_.dilate(tapped_, near_taps_);
+  TaxelFlags near_taps(felt_.size());
+  surroundings_.dilate(tapped_, near_taps);
   for (std::size_t taxel = 0; taxel < felt_.size(); ++taxel) {
     const bool counts = shown.begins && shown.touched[taxel] && !tapped_[taxel];
     const double read = counts ? felt_[taxel] + shown.absorbed[taxel] : 0.0;
     const double variance = block.noise[taxel] + belief.own_variance(taxel);
-    const bool presses = square(read) > square(kSurprising) * variance && !near_taps_[taxel];
+    const bool presses = square(read) > square(kSurprising) * variance && !near_taps[taxel];
     const double force = read + (presses ? values_[taxel] : 0.0);
     const double share = -std::expm1(-force / least_force_);
     values_[taxel] += follows * (std::abs(array_.newton_per_kelvin[taxel]) * kelvin * share - values_[taxel]);

@@ -29,11 +29,12 @@ bool HotFilm::may_be_hot(const Belief& belief) const {
 }
 
 const TaxelFlags& HotFilm::find_warm(const Warmed& warmed) {
-  for (std::size_t taxel = 0; taxel < near_.size(); ++taxel) {
-    near_[taxel] = warmed.warmth[taxel] > kWarmed || below_[taxel];
+  TaxelFlags near(warm_.size());
+  for (std::size_t taxel = 0; taxel < near.size(); ++taxel) {
+    near[taxel] = warmed.warmth[taxel] > kWarmed || below_[taxel];
   }
-  surroundings_.dilate(near_, warm_);
-  for (std::size_t taxel = 0; taxel < near_.size(); ++taxel) {
+  surroundings_.dilate(near, warm_);
+  for (std::size_t taxel = 0; taxel < near.size(); ++taxel) {
     warm_[taxel] = warm_[taxel] || (hot_ && warmed.beside[taxel]);
   }
   return warm_;

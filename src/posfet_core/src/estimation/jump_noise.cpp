@@ -9,6 +9,7 @@
 
 #include <algorithm>
 
+#include "posfet_core/estimation/signal_steps.hpp"
 #include "posfet_core/numbers.hpp"
 
 namespace posfet {

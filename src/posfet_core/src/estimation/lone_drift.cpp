@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "force_estimator_constants.hpp"
+#include "posfet_core/estimation/block.hpp"
 #include "posfet_core/numbers.hpp"
 
 namespace posfet {
@@ -30,12 +32,12 @@ std::optional<LoneDrift::Drift> LoneDrift::observe(const double* mean, const boo
     return std::nullopt;
   }
   const Window now = window(counts, variance);
-  if (std::max(std::abs(now.own), now.others) < kDrifts * now.noise) {
+  if (std::max(std::abs(now.own), now.others) < kGate * now.noise) {
     for (double& each : since_) {
       each = std::min(each, now.duration);
     }
   }
-  const bool drifts = std::abs(now.own) > kDrifts * now.noise && now.others < kOthers * std::abs(now.own);
+  const bool drifts = std::abs(now.own) > kGate * now.noise && now.others < kOthers * std::abs(now.own);
   const bool same = windows_ > 0 && now.taxel == taxel_ && std::abs(now.own - first_) < kSame * std::abs(first_);
   if (!drifts || !same) {
     windows_ = drifts ? 1 : 0;

@@ -12,7 +12,6 @@
 
 #include "posfet_core/estimation/propagation.hpp"
 #include "posfet_core/numbers.hpp"
-#include "posfet_core/recycled.hpp"
 
 namespace posfet {
 

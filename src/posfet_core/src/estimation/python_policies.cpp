@@ -11,7 +11,6 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include <algorithm>
 #include <initializer_list>
 #include <memory>
 #include <stdexcept>
@@ -217,9 +216,9 @@ void bind_touch_response(const py::module_& module) {
 }
 
 void bind_held_forces(const py::module_& module) {
-  py::class_<HeldForces>(module, "HeldForces",
-                         "Forces of weakly touched taxels beside what certainly presses, and rests.")
-      .def(py::init([](const Layout& layout) { return HeldForces(Grid(layout)); }), py::arg("layout"))
+  py::class_<HeldForces, std::shared_ptr<HeldForces>>(
+      module, "HeldForces", "Forces of weakly touched taxels beside what certainly presses, and rests.")
+      .def(py::init([](const Layout& layout) { return part_of<HeldForces>(Grid(layout)); }), py::arg("layout"))
       .def(
           "update",
           [](HeldForces& forces, const Values& force, const Tested& certain, double duration) {
@@ -284,16 +283,8 @@ void bind_noise(const py::module_& module) {
             return array_of(variance);
           },
           py::arg("duration"), "Return the variance by which each force error grows in a time [N2].")
-      .def(
-          "least_offset_variance",
-          [](const JumpNoise& jumps) {
-            std::vector<double> variance(jumps.taxels());
-            for (std::size_t taxel = 0; taxel < variance.size(); ++taxel) {
-              variance[taxel] = jumps.least_offset_variance(taxel);
-            }
-            return array_of(variance);
-          },
-          "Return the least variance of each offset [N2].");
+      .def("least_offset_variance", of_each_taxel(&JumpNoise::least_offset_variance),
+           "Return the least variance of each offset [N2].");
   py::class_<LoneDrift> drift(module, "LoneDrift", "Finds drifts of single taxels in windows of blocks.");
   py::class_<LoneDrift::Drift>(drift, "Drift", "A drift of one taxel.")
       .def_readonly("taxel", &LoneDrift::Drift::taxel, "Index of the taxel.")
@@ -312,11 +303,7 @@ void bind_noise(const py::module_& module) {
           py::arg("mean"), py::arg("counts"), py::arg("listed"), py::arg("touched"), py::arg("variance"),
           py::arg("duration"), "Process a block; return a drift once it is known.");
   drift.attr("BLOCKS") = LoneDrift::kBlocks;
-  drift.attr("HOP") = LoneDrift::kHop;
-  drift.attr("DRIFTS") = LoneDrift::kDrifts;
-  drift.attr("OTHERS") = LoneDrift::kOthers;
   drift.attr("WINDOWS") = LoneDrift::kWindows;
-  drift.attr("SAME") = LoneDrift::kSame;
 
   module.attr("DWELL") = kDwell;
   module.attr("JUMP_MEMORY") = kJumpMemory;
@@ -444,7 +431,7 @@ void bind_release(const py::module_& module) {
             return detector.has_left(taxel, mean, noise);
           },
           py::arg("taxel"), py::arg("mean"), py::arg("noise"), "Return whether nothing touches a taxel any more.");
-  bound.attr("STILL_BLOCKS") = ReleaseDetector::kStillBlocks;
+  bound.attr("STILL_BLOCKS") = kStillBlocks;
   bound.attr("RELEASED_BLOCKS") = ReleaseDetector::kReleasedBlocks;
   bound.attr("RELEASED_SHARE") = ReleaseDetector::kReleasedShare;
 }

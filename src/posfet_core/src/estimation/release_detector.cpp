@@ -12,7 +12,6 @@
 #include <limits>
 
 #include "force_estimator_constants.hpp"
-#include "posfet_core/estimation/block.hpp"
 
 namespace posfet {
 

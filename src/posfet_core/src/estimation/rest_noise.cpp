@@ -8,7 +8,6 @@
 #include "posfet_core/estimation/rest_noise.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/estimation/signal_steps.hpp"
@@ -63,8 +62,8 @@ void RestNoise::observe_walk(const LastBlocks& blocks, const Belief& belief, con
 double RestNoise::add_change(const Block& from, const Block& to, const Belief& belief, const TaxelFlags& counts) {
   Vector<double> kelvins;
   for (std::size_t taxel = 0; taxel < change_.size(); ++taxel) {
-    const double offset = belief.error_of(taxel)[kOffset] + array_.time_constant[taxel] * belief.shared[kDrift];
-    const double drift = offset * to.leak / array_.time_constant[taxel];
+    const double time_constant = array_.time_constant[taxel];
+    const double drift = offset_of(belief, taxel, time_constant) * to.leak / time_constant;
     change_[taxel] += to.mean[taxel] - from.mean[taxel] - to.span * drift;
     if (counts[taxel]) {
       kelvins.push_back(change_[taxel] / array_.newton_per_kelvin[taxel]);

@@ -11,17 +11,12 @@
 #include <array>
 #include <cmath>
 
+#include "force_estimator_constants.hpp"
 #include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
 namespace {
-
-/// Deviations from which on a jump is one [1].
-constexpr double kJump = 4.0;
-
-/// Change of slope that a step makes from which on it can be told from none [deviation].
-constexpr double kClearBend = 3.0;
 
 /// Part by which the change of slope may differ from that which a step makes [1].
 constexpr double kMatch = 0.5;
@@ -87,7 +82,7 @@ void find_signal_steps(const StepWindow& window, const std::vector<double>& time
     const Line second = fit(after, window.force, taxel);
     const double noise = std::max(window.noise[taxel], (first.residual + second.residual) / (2.0 * kCount - 4.0));
     const double jump = second.value - first.value;
-    if (square(jump) <= square(kJump) * of_jump * noise) {
+    if (square(jump) <= square(kStep) * of_jump * noise) {
       continue;
     }
     if (++jumps > 1) {
@@ -96,7 +91,7 @@ void find_signal_steps(const StepWindow& window, const std::vector<double>& time
     }
     const double expected = jump / time_constant[taxel];
     const bool matches = std::abs(second.slope - first.slope - expected) < kMatch * std::abs(expected);
-    if (matches && square(expected) > square(kClearBend) * of_slope * noise) {
+    if (matches && square(expected) > square(kSurprising) * of_slope * noise) {
       step[taxel] = jump;
     }
   }

@@ -73,6 +73,43 @@ Vector<double> motion(const SteadyWindow& window, double slope) {
   return rate;
 }
 
+/// Taxels that have been in contact in all stored blocks, of those that count.
+Taxels held_taxels(const LastBlocks& blocks, const TaxelFlags& counts) {
+  Taxels held;
+  for (std::size_t taxel = 0; taxel < counts.size(); ++taxel) {
+    bool steady = counts[taxel];
+    for (std::size_t index = 0; steady && index < blocks.size(); ++index) {
+      steady = blocks[index].listed[taxel];
+    }
+    if (steady) {
+      held.push_back(static_cast<Taxel>(taxel));
+    }
+  }
+  return held;
+}
+
+/// What some taxels did in the stored blocks, as the belief has their errors.
+SteadyWindow window_of(const LastBlocks& blocks, const Belief& belief, const Taxels& held) {
+  SteadyWindow window(blocks.times(), held.size());
+  for (std::size_t index = 0; index < blocks.size(); ++index) {
+    const Block& block = blocks[index];
+    for (std::size_t place = 0; place < held.size(); ++place) {
+      const auto taxel = static_cast<std::size_t>(held[place]);
+      std::array<double, kSharedStates> response{};
+      std::copy_n(block.response.data() + taxel * kSharedStates, response.size(), response.begin());
+      response[kLeak] = -block.charge[taxel];  // as it is, whatever its time constant
+      const double expected =
+          belief.error_of(taxel)[kForceError] + dot(response.data(), belief.shared.data(), response.size());
+      window.add(index, place, block.mean[taxel] - expected, block.charge[taxel]);
+      response[kFilm] = 0.0;  // the only one of these states that is not constant
+      for (std::size_t shared = 0; shared < kSharedStates; ++shared) {
+        window.response[shared][index] += response[shared];
+      }
+    }
+  }
+  return window;
+}
+
 }  // namespace
 
 SteadyWindow::SteadyWindow(Vector<double> times, std::size_t taxels)
@@ -95,41 +132,6 @@ void SteadyWindow::add(std::size_t block, std::size_t taxel, double its_force, d
   charge[block] += its_charge;
   force_rate[taxel] += weights[block] * its_force;
   charge_rate[taxel] += weights[block] * its_charge;
-}
-
-Taxels held_taxels(const LastBlocks& blocks, const TaxelFlags& counts) {
-  Taxels held;
-  for (std::size_t taxel = 0; taxel < counts.size(); ++taxel) {
-    bool steady = counts[taxel];
-    for (std::size_t index = 0; steady && index < blocks.size(); ++index) {
-      steady = blocks[index].listed[taxel];
-    }
-    if (steady) {
-      held.push_back(static_cast<Taxel>(taxel));
-    }
-  }
-  return held;
-}
-
-SteadyWindow window_of(const LastBlocks& blocks, const Belief& belief, const Taxels& held) {
-  SteadyWindow window(blocks.times(), held.size());
-  for (std::size_t index = 0; index < blocks.size(); ++index) {
-    const Block& block = blocks[index];
-    for (std::size_t place = 0; place < held.size(); ++place) {
-      const auto taxel = static_cast<std::size_t>(held[place]);
-      std::array<double, kSharedStates> response{};
-      std::copy_n(block.response.data() + taxel * kSharedStates, response.size(), response.begin());
-      response[kLeak] = -block.charge[taxel];  // as it is, whatever its time constant
-      const double expected =
-          belief.error_of(taxel)[kForceError] + dot(response.data(), belief.shared.data(), response.size());
-      window.add(index, place, block.mean[taxel] - expected, block.charge[taxel]);
-      response[kFilm] = 0.0;  // the only one of these states that is not constant
-      for (std::size_t shared = 0; shared < kSharedStates; ++shared) {
-        window.response[shared][index] += response[shared];
-      }
-    }
-  }
-  return window;
 }
 
 bool SteadyForce::is_due(bool possible) {

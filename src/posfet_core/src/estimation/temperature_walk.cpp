@@ -15,7 +15,7 @@
 namespace posfet {
 
 void TemperatureWalk::pause() {
-  rate_ = std::numeric_limits<double>::quiet_NaN();
+  rate_ = kUnknown;
   rise_ = time_ = 0.0;
 }
 

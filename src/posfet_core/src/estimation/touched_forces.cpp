@@ -32,7 +32,7 @@ constexpr double kPlay = 4.0;
 TouchedForces::TouchedForces(const EstimatedArray& array, const ContactSurroundings& surroundings)
     : array_(array),
       surroundings_(surroundings),
-      held_(Grid(array.layout)),
+      held_(surroundings.grid()),
       thermal_contact_(array.taxels(), array.priors.warmth_time, array.threshold) {
   for (auto* values : {&steady_, &felt_, &pressing_, &least_, &most_, &known_, &reading_}) {
     values->assign(array_.taxels(), 0.0);

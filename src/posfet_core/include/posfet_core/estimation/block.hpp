@@ -22,6 +22,12 @@ namespace posfet {
 /// Duration of a block, unless a scan takes longer [s].
 constexpr double kBlock = 0.02;
 
+/// Blocks from one window of blocks to the next, which has most of its blocks in common with it.
+constexpr std::size_t kHop = 4;
+
+/// Blocks over which all is still once it counts as such [1]: 0.1 s.
+constexpr std::size_t kStillBlocks = 5;
+
 /// What passes in a block, or in several, as far as the taxels share it.
 struct Passage {
   double duration = 0.0;          ///< Its duration [s].
@@ -73,6 +79,11 @@ struct Block : Passage {
 
 /// What a belief says of the errors that the responses to a touch depend on, at the leakage of a block.
 TouchResponse::Known known_errors(const Belief& belief, const Passage& block);
+
+/// Offset of the signal of a taxel with this time constant of the leakage [s], with what all have in common [N].
+inline double offset_of(const Belief& belief, std::size_t taxel, double time_constant) {
+  return belief.error_of(taxel)[kOffset] + time_constant * belief.shared[kDrift];
+}
 
 /// The last blocks, oldest first, and a place for the next one.
 class LastBlocks {

@@ -8,13 +8,11 @@
 /// By how much the forces of a block differ from what the filter expects of them.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
-#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/touch_response.hpp"

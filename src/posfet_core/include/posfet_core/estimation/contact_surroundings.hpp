@@ -8,6 +8,7 @@
 /// What the taxels beside a contact feel of it: the elastomer skin spreads every force.
 #pragma once
 
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -30,6 +31,7 @@ class ContactSurroundings {
 public:
   explicit ContactSurroundings(Grid grid) : grid_(std::move(grid)) {}
 
+  const Grid& grid() const { return grid_; }
   std::size_t taxels() const { return static_cast<std::size_t>(grid_.taxels()); }
 
   /// Find a mask of taxels with their neighbours; another one.

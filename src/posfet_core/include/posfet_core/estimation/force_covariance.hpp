@@ -13,7 +13,6 @@
 
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
-#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
 #include "posfet_core/estimation/hidden_force.hpp"

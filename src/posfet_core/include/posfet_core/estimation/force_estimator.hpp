@@ -26,7 +26,6 @@
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/block_residuals.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
-#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_covariance.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
@@ -206,6 +205,7 @@ private:
   Taxels find_unreleased(TaxelFlags& listed) const;
   TaxelFlags find_released(const TaxelFlags& odd, TaxelFlags& errors);
   void reset_released(const Block& block, const TaxelFlags& released);
+  void set_to_zero(const Block& block, const TaxelFlags& where);
   void release(Block& block, const Vector<const Taxels*>& contacts);
   bool find_ended(const Block& block, const Vector<const Taxels*>& contacts, TaxelFlags& ended, TaxelFlags& left);
   void end_unknown_touch(const Block& block);

@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include "posfet_core/flags.hpp"
@@ -31,8 +30,9 @@ constexpr double kHeldTime = 0.1;
 /// as it did when it came to rest.
 class HeldForces {
 public:
-  explicit HeldForces(Grid grid)
-      : grid_(std::move(grid)),
+  /// A grid that stays where it is.
+  explicit HeldForces(const Grid& grid)
+      : grid_(grid),
         beside_(static_cast<std::size_t>(grid_.taxels()), 0.0),
         force_(beside_.size(), 0.0),
         rested_(beside_.size(), 0.0) {}
@@ -63,7 +63,7 @@ public:
   double held(std::size_t taxel) const { return rested_[taxel] < kHeldTime ? 0.0 : force_[taxel]; }
 
 private:
-  Grid grid_;
+  const Grid& grid_;
   std::vector<double> beside_;  ///< Sum of the forces beside each taxel, but for small changes [N].
   std::vector<double> force_;   ///< Force at the last motion [N].
   std::vector<double> rested_;  ///< Time since then [s].

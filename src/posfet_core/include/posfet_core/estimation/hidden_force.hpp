@@ -49,8 +49,7 @@ private:
   const ContactSurroundings& surroundings_;
   double least_force_;        ///< Least force that warms a taxel as `ErrorPriors::warmth_force` says [N].
   std::vector<double> felt_;  ///< Mean force of the last block, no less than zero [N].
-  TaxelFlags tapped_;         ///< Touched taxels that have lost most of their force within a block,
-  TaxelFlags near_taps_;      ///< and their neighbours.
+  TaxelFlags tapped_;         ///< Touched taxels that have lost most of their force within a block.
   std::vector<double> values_;
 };
 

@@ -8,7 +8,6 @@
 /// Objects that warm the film by more than can be told from a force.
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
@@ -38,7 +37,7 @@ public:
   HotFilm(const EstimatedArray& array, const ContactSurroundings& surroundings)
       : array_(array),
         surroundings_(surroundings),
-        near_(array.taxels()),
+
         below_(array.taxels()),
         warm_(array.taxels()) {}
 
@@ -75,7 +74,6 @@ private:
   bool touches_ = false;
   bool begun_ = false;        ///< Whether the beginning of the present or last touch was seen.
   double touched_for_ = 0.0;  ///< How long this or the last touch has lasted [s].
-  TaxelFlags near_;           ///< Taxels that are warm themselves.
   TaxelFlags below_;          ///< Taxels that a hot film may hold below zero.
   TaxelFlags warm_;
 };

@@ -13,9 +13,6 @@
 
 namespace posfet {
 
-/// Deviations of the difference of two blocks' means from which on it is a step [1].
-constexpr double kStep = 4.0;
-
 /// Number of such differences that show the same step [1], with a block between the two.
 constexpr double kStepSeen = 2.0;
 

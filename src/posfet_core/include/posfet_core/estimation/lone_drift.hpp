@@ -24,12 +24,8 @@ namespace posfet {
 /// Finds drifts of single taxels in windows of blocks.
 class LoneDrift {
 public:
-  /// Blocks of a window, and from one to the next.
+  /// Blocks of a window.
   static constexpr std::size_t kBlocks = 16;
-  static constexpr std::size_t kHop = 4;
-
-  /// Deviations of its noise from which on a rate is a drift [1].
-  static constexpr double kDrifts = 5.0;
 
   /// Part of a drift up to which others change in the same time [1], assumed: of a force, neighbours feel more.
   static constexpr double kOthers = 0.4;

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/blocks_in_a_row.hpp"
 #include "posfet_core/grid.hpp"
 #include "posfet_core/recycled.hpp"
@@ -23,9 +24,6 @@ namespace posfet {
 /// still; without the last, the end of a slow release would become zero too early.
 class ReleaseDetector {
 public:
-  /// Blocks over which a released contact is still.
-  static constexpr std::size_t kStillBlocks = 5;
-
   /// Blocks for which a contact must look released.
   static constexpr std::size_t kReleasedBlocks = 3;
 

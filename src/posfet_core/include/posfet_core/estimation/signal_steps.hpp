@@ -19,6 +19,9 @@
 
 namespace posfet {
 
+/// Deviations of a jump from which on it is a step [1].
+constexpr double kStep = 4.0;
+
 /// Blocks of a window on either side of a step, with one between them [1].
 constexpr std::size_t kStepHalf = 7;
 constexpr std::size_t kStepWindow = 2 * kStepHalf + 1;

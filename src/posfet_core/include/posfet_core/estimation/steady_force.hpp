@@ -27,9 +27,6 @@
 
 namespace posfet {
 
-/// Blocks from one window to the next, which has most of its blocks in common with it.
-constexpr int kHop = 4;
-
 /// Error of b as a force is never quite steady, whatever it seems: standard deviation [1], assumed.
 constexpr double kSteadiness = 0.02;
 
@@ -50,12 +47,6 @@ struct SteadyWindow {
   Vector<Vector<double>> response;  ///< Response of the error of the sum of forces to each of the shared states,
                                     ///< [states][blocks]; zero for states that are not constant.
 };
-
-/// Taxels that have been in contact in all stored blocks, of those that count.
-Taxels held_taxels(const LastBlocks& blocks, const TaxelFlags& counts);
-
-/// What some taxels did in the stored blocks, as the belief has their errors.
-SteadyWindow window_of(const LastBlocks& blocks, const Belief& belief, const Taxels& held);
 
 /// A measurement of the shared states: innovation = sensitivity.(true - estimated states) + noise.
 struct SharedMeasurement {
@@ -80,7 +71,7 @@ public:
               const std::vector<double>& newton_per_kelvin);
 
 private:
-  int passed_ = 0;             ///< Blocks since the last window.
+  std::size_t passed_ = 0;     ///< Blocks since the last window.
   double unsteadiness_ = 0.0;  ///< Greatest change of the force in a window, for a while, as a share of the force [1].
 };
 

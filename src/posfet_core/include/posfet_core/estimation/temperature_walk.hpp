@@ -8,7 +8,7 @@
 /// Random walk of the chip temperature, observed while nothing touches.
 #pragma once
 
-#include <limits>
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -46,9 +46,9 @@ private:
   double film_lag_;
   double intensity_;
   int count_ = 1;
-  double rate_ = std::numeric_limits<double>::quiet_NaN();  ///< Rate of the observation before [K/s].
-  double rise_ = 0.0;                                       ///< Sums of the one that is not complete [K],
-  double time_ = 0.0;                                       ///< and [s].
+  double rate_ = kUnknown;  ///< Rate of the observation before [K/s].
+  double rise_ = 0.0;       ///< Sums of the one that is not complete [K],
+  double time_ = 0.0;       ///< and [s].
 };
 
 }  // namespace posfet

@@ -38,7 +38,7 @@ private:
 
   double threshold_;
   double total_ = 0.0;
-  std::array<double, ReleaseDetector::kStillBlocks + ReleaseDetector::kReleasedBlocks> recent_{};  ///< Sizes [N].
+  std::array<double, kStillBlocks + ReleaseDetector::kReleasedBlocks> recent_{};  ///< Sizes [N].
   std::size_t next_ = 0;
 };
 

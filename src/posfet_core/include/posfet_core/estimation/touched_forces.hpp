@@ -8,13 +8,11 @@
 /// Forces of a touch, as far as what it leaves in the signals depends on them.
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include "posfet_core/estimation/belief.hpp"
 #include "posfet_core/estimation/block.hpp"
 #include "posfet_core/estimation/contact_surroundings.hpp"
-#include "posfet_core/estimation/error_states.hpp"
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/held_forces.hpp"
 #include "posfet_core/estimation/thermal_contact.hpp"

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "posfet_core/flags.hpp"
-#include "posfet_core/grid.hpp"
 
 namespace posfet {
 

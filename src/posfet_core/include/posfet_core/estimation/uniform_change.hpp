@@ -10,8 +10,9 @@
 
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <vector>
+
+#include "posfet_core/numbers.hpp"
 
 namespace posfet {
 
@@ -82,14 +83,14 @@ public:
   void refuse();
 
   /// Close the hypothesis, wrong or not.
-  void close() { open_ = std::numeric_limits<double>::quiet_NaN(); }
+  void close() { open_ = kUnknown; }
 
 private:
   const std::vector<double>& per_kelvin_;
   double spread_;
   bool observable_;
-  double pause_ = 0.0;                                      ///< Time for which the hypothesis must not be made [s].
-  double open_ = std::numeric_limits<double>::quiet_NaN();  ///< Time for which it has been open [s]; NaN: it is not.
+  double pause_ = 0.0;      ///< Time for which the hypothesis must not be made [s].
+  double open_ = kUnknown;  ///< Time for which it has been open [s]; NaN: it is not.
 };
 
 }  // namespace posfet

@@ -25,13 +25,11 @@ namespace posfet {
 /// until their total force has gone, or has not been significant for a while.
 class ZeroRefutation {
 public:
-  /// Deviations by which a reading must contradict zeros that have changed the rate beyond its dynamics [1].
-  static constexpr double kContradicted = 2.0;
-
   /// Twice the logarithm of how much likelier readings must be without zeros [1]: a thousand times.
   static constexpr double kEvidence = 14.0;
 
-  /// Deviations from which on the total force is significant [1].
+  /// Deviations from which on the total force is significant, and a reading contradicts zeros that have changed the
+  /// rate beyond its dynamics [1].
   static constexpr double kSignificant = 2.0;
 
   /// Share of the mean force from which on a taxel is pressed by what presses all [1].
