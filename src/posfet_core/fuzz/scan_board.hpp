@@ -91,20 +91,20 @@ inline ErrorPriors priors() {
 }
 
 inline std::shared_ptr<ForceEstimator> make_estimator(const Layout& layout, std::size_t taxels) {
-  EstimatedArray array{layout,
-                       std::vector<double>(taxels, kTimeConstant),
-                       std::vector<double>(taxels, 1.0 / kChargePerNewton),
-                       std::vector<double>(taxels, -1.0),
-                       std::vector<double>(taxels, 0.03),
-                       0.01,
-                       std::vector<double>(taxels, 0.1),
-                       {0.046, 0.005, 25.0},
-                       kNoise,
-                       kThreshold,
-                       4.0,
-                       1e-3,
-                       0.05,
-                       priors()};
+  GivenArray array{layout,
+                   std::vector<double>(taxels, kTimeConstant),
+                   std::vector<double>(taxels, 1.0 / kChargePerNewton),
+                   std::vector<double>(taxels, -1.0),
+                   std::vector<double>(taxels, 0.03),
+                   0.01,
+                   std::vector<double>(taxels, 0.1),
+                   {0.046, 0.005, 25.0},
+                   kNoise,
+                   kThreshold,
+                   4.0,
+                   1e-3,
+                   0.05,
+                   priors()};
   return std::make_shared<ForceEstimator>(std::move(array));
 }
 

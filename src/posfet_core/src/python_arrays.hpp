@@ -116,6 +116,11 @@ inline py::array_t<bool> array_of(const Mask& mask) {
   return flags;
 }
 
+/// Flags as a new array.
+inline py::array_t<bool> array_of(const TaxelFlags& flags) {
+  return py::array_t<bool>(static_cast<py::ssize_t>(flags.size()), flags.data());
+}
+
 /// The mask of an array of flags.
 inline Mask mask_of(const py::array_t<bool, py::array::c_style | py::array::forcecast>& flags, Taxel taxels,
                     const char* name) {

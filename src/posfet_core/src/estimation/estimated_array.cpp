@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "force_estimator_constants.hpp"
 #include "posfet_core/numbers.hpp"
@@ -26,32 +27,31 @@ double place_of(Taxel index, Taxel count) {
 
 }  // namespace
 
-EstimatedArray completed(EstimatedArray array) {
-  const Grid grid(array.layout);
-  const auto taxels = static_cast<std::size_t>(grid.taxels());
-  for (const auto* values : {&array.time_constant, &array.newton_per_charge, &array.newton_per_kelvin,
-                             &array.gain_deviation, &array.leak_deviation}) {
-    if (values->size() != taxels) {
+EstimatedArray::EstimatedArray(GivenArray given) : GivenArray(std::move(given)) {
+  const Grid grid(layout);
+  const auto count = static_cast<std::size_t>(grid.taxels());
+  for (const auto* values :
+       {&time_constant, &newton_per_charge, &newton_per_kelvin, &gain_deviation, &leak_deviation}) {
+    if (values->size() != count) {
       throw std::invalid_argument("all values must be given for each taxel");
     }
   }
-  std::vector<double>& profile = array.priors.bend_profile;
+  std::vector<double>& profile = priors.bend_profile;
   if (profile.empty()) {
-    profile.assign(taxels, 1.0);
+    profile.assign(count, 1.0);
   }
-  if (profile.size() != taxels) {
+  if (profile.size() != count) {
     throw std::invalid_argument("bend_profile must have one value for each taxel, or none");
   }
-  for (double& response : array.newton_per_kelvin) {
-    const double greatest = static_cast<double>(taxels) * kHottest * std::abs(response);
-    response = greatest < array.threshold ? 0.0 : response;
+  for (double& response : newton_per_kelvin) {
+    const double greatest = static_cast<double>(count) * kHottest * std::abs(response);
+    response = greatest < threshold ? 0.0 : response;
   }
-  array.per_kelvin = sum(array.newton_per_kelvin) / static_cast<double>(taxels);
+  per_kelvin = sum(newton_per_kelvin) / static_cast<double>(count);
   for (Taxel taxel = 0; taxel < grid.taxels(); ++taxel) {
-    array.x.push_back(place_of(grid.col(taxel), array.layout.cols));
-    array.y.push_back(place_of(grid.row(taxel), array.layout.rows));
+    x.push_back(place_of(grid.col(taxel), layout.cols));
+    y.push_back(place_of(grid.row(taxel), layout.rows));
   }
-  return array;
 }
 
 }  // namespace posfet

@@ -72,8 +72,8 @@ std::shared_ptr<Belief> make_belief(std::size_t taxels, const ErrorPriors& prior
 
 }  // namespace
 
-ForceEstimator::ForceEstimator(EstimatedArray array)
-    : array_(completed(std::move(array))),
+ForceEstimator::ForceEstimator(GivenArray array)
+    : array_(std::move(array)),
       surroundings_(Grid(array_.layout)),
       integration_(make_integration(array_)),
       state_(integration_->state()),

@@ -73,7 +73,7 @@ void ForceEstimator::find_hot_touch() {
     explained += below[taxel] ? HotFilm::kGreatestWarmth * std::abs(array_.newton_per_kelvin[taxel]) : 0.0;
   }
   if (below.any() && sum_where(counted, mean_) + explained < -kGate * covariance_.total_deviation(counted)) {
-    hot_film_.explains(below, mean_, {touch_.warm(), beside_});
+    hot_film_.explains(below, mean_, touch_.warm(), beside_);
   }
 }
 

@@ -47,7 +47,7 @@ void ForceEstimator::find_touched(Block& block) {
   TaxelFlags near_unknown(taxels());
   surroundings_.dilate(unknown, near_unknown);
   const bool hot = hot_film_.may_be_hot(*belief());
-  const TaxelFlags& warm = hot_film_.find_warm({touch_.warm(), beside_});
+  const TaxelFlags& warm = hot_film_.find_warm(touch_.warm(), beside_);
   const double pressed = is_whole(touched_, ignored())
                              ? refutation_.pressed_force(sum_where(usable, mean_), state_.usable())
                              : std::numeric_limits<double>::infinity();
@@ -101,7 +101,7 @@ TaxelFlags ForceEstimator::find_released(const TaxelFlags& odd, TaxelFlags& erro
     below[taxel] = odd[taxel] && residuals_[taxel] < -array_.threshold;
     lasts = lasts || (errors[taxel] && below[taxel]);
   }
-  const bool hot = lasts && hot_film_.explains(below, residuals_.values(), {touch_.warm(), beside_});
+  const bool hot = lasts && hot_film_.explains(below, residuals_.values(), touch_.warm(), beside_);
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     errors[taxel] = errors[taxel] && !(hot && below[taxel]);
     below[taxel] = below[taxel] && lasts && !hot;

@@ -28,23 +28,24 @@ bool HotFilm::may_be_hot(const Belief& belief) const {
   return hot_ || std::abs(belief.shared[kWarmth]) + std::sqrt(belief.variance(kWarmth)) > kGreatestWarmth;
 }
 
-const TaxelFlags& HotFilm::find_warm(const Warmed& warmed) {
+const TaxelFlags& HotFilm::find_warm(const std::vector<double>& warmth, const TaxelFlags& beside) {
   TaxelFlags near(warm_.size());
   for (std::size_t taxel = 0; taxel < near.size(); ++taxel) {
-    near[taxel] = warmed.warmth[taxel] > kWarmed || below_[taxel];
+    near[taxel] = warmth[taxel] > kWarmed || below_[taxel];
   }
   surroundings_.dilate(near, warm_);
   for (std::size_t taxel = 0; taxel < near.size(); ++taxel) {
-    warm_[taxel] = warm_[taxel] || (hot_ && warmed.beside[taxel]);
+    warm_[taxel] = warm_[taxel] || (hot_ && beside[taxel]);
   }
   return warm_;
 }
 
-bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force, const Warmed& warmed) {
+bool HotFilm::explains(const TaxelFlags& below, const std::vector<double>& force, const std::vector<double>& warmth,
+                       const TaxelFlags& beside) {
   if (!begun_ || touched_for_ < UnexplainedResiduals::kNegativeTime) {  // as long as what it would explain
     return false;
   }
-  const TaxelFlags& warm = find_warm(warmed);
+  const TaxelFlags& warm = find_warm(warmth, beside);
   bool hot = false;
   for (std::size_t taxel = 0; taxel < force.size(); ++taxel) {
     const double kelvin =

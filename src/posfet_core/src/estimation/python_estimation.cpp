@@ -57,13 +57,6 @@ py::array_t<double> new_array(std::initializer_list<std::size_t> shape) {
   return py::array_t<double>(std::vector<py::ssize_t>(shape.begin(), shape.end()));
 }
 
-template <typename Numbers>
-py::array_t<double> copy_of(const Numbers& values, std::initializer_list<std::size_t> shape) {
-  py::array_t<double> copy = new_array(shape);
-  std::copy(values.begin(), values.end(), copy.mutable_data());
-  return copy;
-}
-
 std::shared_ptr<Belief> make_belief(const Values& shared, const Values& covariance, const Values& error,
                                     const Values& slope, const Values& own) {
   const auto states = static_cast<std::size_t>(shared.size());
@@ -99,11 +92,11 @@ void bind_belief(const py::module_& module) {
       .def(py::init(&make_belief), py::arg("shared"), py::arg("covariance"), py::arg("error"), py::arg("slope"),
            py::arg("own"))
       .def_property_readonly(
-          "shared", [](const Belief& belief) { return copy_of(belief.shared, {belief.states()}); },
+          "shared", [](const Belief& belief) { return array_of(belief.shared); },
           "Shared states, a new array, [states].")
       .def_property_readonly(
           "covariance",
-          [](const Belief& belief) { return copy_of(belief.covariance(), {belief.states(), belief.states()}); },
+          [](const Belief& belief) { return array_of(belief.covariance(), static_cast<py::ssize_t>(belief.states())); },
           "Covariance S of the shared states, a new array, [states, states].")
       .def_property_readonly("error", &view_of_taxels<&Belief::error, kOwnStates>,
                              "Errors (d, o, r, p, w) of each taxel, [taxels, own].")
@@ -264,7 +257,7 @@ void bind_updates(BoundFilter& bound) {
           "temperature_innovation",
           [](const ForceErrorFilter& filter, double reading, double variance, double leaked_time) {
             const TemperatureInnovation found = filter.temperature_innovation(reading, variance, leaked_time);
-            return py::make_tuple(found.innovation, copy_of(found.column, {found.column.size()}), found.variance);
+            return py::make_tuple(found.innovation, array_of(found.column), found.variance);
           },
           py::arg("reading"), py::arg("variance"), py::arg("leaked_time"),
           "Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].")
@@ -387,20 +380,20 @@ void bind_estimator(const py::module_& module) {
                         double leak_temperature, double noise, double threshold, double greatest_force,
                         double left_charge, double film_lag, const py::object& priors) {
               return std::make_shared<ForceEstimator>(
-                  EstimatedArray{layout,
-                                 vector_of(time_constant),
-                                 vector_of(newton_per_charge),
-                                 vector_of(newton_per_kelvin),
-                                 vector_of(gain_deviation),
-                                 common_gain_deviation,
-                                 vector_of(leak_deviation),
-                                 {leak_per_kelvin, leak_per_kelvin_deviation, leak_temperature},
-                                 noise,
-                                 threshold,
-                                 greatest_force,
-                                 left_charge,
-                                 film_lag,
-                                 priors_from(priors)});
+                  GivenArray{layout,
+                             vector_of(time_constant),
+                             vector_of(newton_per_charge),
+                             vector_of(newton_per_kelvin),
+                             vector_of(gain_deviation),
+                             common_gain_deviation,
+                             vector_of(leak_deviation),
+                             {leak_per_kelvin, leak_per_kelvin_deviation, leak_temperature},
+                             noise,
+                             threshold,
+                             greatest_force,
+                             left_charge,
+                             film_lag,
+                             priors_from(priors)});
             }),
             py::kw_only(), py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_charge"),
             py::arg("newton_per_kelvin"), py::arg("gain_deviation"), py::arg("common_gain_deviation"),

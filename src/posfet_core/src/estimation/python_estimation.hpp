@@ -8,6 +8,7 @@
 /// Arguments of the estimator of static force and of its parts, from Python.
 #pragma once
 
+#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
 #include <vector>
@@ -19,6 +20,18 @@ namespace posfet {
 
 /// The values of `ErrorPriors` of Python.
 ErrorPriors priors_from(const pybind11::object& priors);
+
+/// Values as a new array.
+template <typename Numbers>
+pybind11::array_t<double> array_of(const Numbers& values) {
+  return pybind11::array_t<double>(static_cast<pybind11::ssize_t>(values.size()), values.data());
+}
+
+/// The same with so many columns.
+template <typename Numbers>
+pybind11::array_t<double> array_of(const Numbers& values, pybind11::ssize_t columns) {
+  return array_of(values).reshape({static_cast<pybind11::ssize_t>(values.size()) / columns, columns});
+}
 
 /// The taxels of each contact. Throws IndexError where one is outside of the array.
 std::vector<Taxels> contacts_from(const pybind11::sequence& contacts, Taxel taxels);

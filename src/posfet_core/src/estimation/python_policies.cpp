@@ -44,20 +44,6 @@ namespace posfet {
 
 namespace {
 
-template <typename Numbers>
-py::array_t<double> array_of(const Numbers& values) {
-  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
-}
-
-template <typename Numbers>
-py::array_t<double> array_of(const Numbers& values, py::ssize_t columns) {
-  return array_of(values).reshape({static_cast<py::ssize_t>(values.size()) / columns, columns});
-}
-
-py::array_t<bool> array_of(const TaxelFlags& flags) {
-  return py::array_t<bool>(static_cast<py::ssize_t>(flags.size()), flags.data());
-}
-
 TaxelFlags copy_of(const Tested& flags) {
   TaxelFlags copy(static_cast<std::size_t>(flags.size()));
   copy.set(flags.data());
@@ -68,7 +54,7 @@ TaxelFlags copy_of(const Tested& flags) {
 template <typename Part, typename Constants, typename... Others>
 std::shared_ptr<Part> part_of(Constants constants, Others... others) {
   struct Whole {
-    Whole(Constants given, Others... rest) : constants(std::move(given)), part(constants, rest...) {}
+    explicit Whole(Constants given, Others... rest) : constants(std::move(given)), part(constants, rest...) {}
     const Constants constants;
     Part part;
   };
@@ -165,13 +151,13 @@ void bind_touch_response(const py::module_& module) {
       .def(py::init([](const Layout& layout, const Values& time_constant, const Values& newton_per_kelvin,
                        const py::object& priors) {
              require_all(static_cast<std::size_t>(Grid(layout).taxels()), {time_constant, newton_per_kelvin});
-             EstimatedArray array{};
+             GivenArray array{};
              array.layout = layout;
              array.time_constant = vector_of(time_constant);
              array.newton_per_kelvin = vector_of(newton_per_kelvin);
              array.newton_per_charge = array.gain_deviation = array.leak_deviation = array.time_constant;  // not used
              array.priors = priors_from(priors);
-             return part_of<TouchResponse>(completed(std::move(array)));
+             return part_of<TouchResponse>(EstimatedArray(std::move(array)));
            }),
            py::arg("layout"), py::arg("time_constant"), py::arg("newton_per_kelvin"), py::arg("priors"))
       .def("reset", &TouchResponse::reset, "Forget all touches.")

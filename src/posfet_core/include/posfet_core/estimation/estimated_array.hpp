@@ -17,9 +17,8 @@
 
 namespace posfet {
 
-/// What description and calibration say of an array; vectors have one value for each taxel. The estimator has the only
-/// one, which its parts refer to.
-struct EstimatedArray {
+/// What description and calibration say of an array; vectors have one value for each taxel.
+struct GivenArray {
   std::size_t taxels() const { return time_constant.size(); }
 
   Layout layout;
@@ -36,15 +35,17 @@ struct EstimatedArray {
   double left_charge;                     ///< Charge left by an earlier force at the start, as a force [N].
   double film_lag;                        ///< Time constant of the film's lag behind the chip [s], >= 0.
   ErrorPriors priors;
-
-  // What follows from these (`completed`).
-  double per_kelvin = 0.0;  ///< Mean of `newton_per_kelvin` [N/K].
-  std::vector<double> x{};  ///< Position, from -1 to 1 at the edges of the array.
-  std::vector<double> y{};
 };
 
-/// An array with what follows from its values; `bend_profile` has a part of each taxel then, and a pyroelectric signal
-/// that would not matter is none. Throws std::invalid_argument where the array is none, or values are missing.
-EstimatedArray completed(EstimatedArray array);
+/// An array with what follows from that: `bend_profile` has a part of each taxel, and a pyroelectric signal that would
+/// not matter is none. The estimator has the only one, which its parts refer to.
+struct EstimatedArray : GivenArray {
+  /// Throws std::invalid_argument where the array is none, or values are missing.
+  explicit EstimatedArray(GivenArray given);
+
+  double per_kelvin = 0.0;  ///< Mean of `newton_per_kelvin` [N/K].
+  std::vector<double> x;    ///< Position, from -1 to 1 at the edges of the array.
+  std::vector<double> y;
+};
 
 }  // namespace posfet

@@ -69,7 +69,7 @@ constexpr double kMaxRelativeUncertainty = 0.2;
 class ForceEstimator {
 public:
   /// Throws std::invalid_argument where the array is none, or values are missing.
-  explicit ForceEstimator(EstimatedArray array);
+  explicit ForceEstimator(GivenArray array);
 
   ~ForceEstimator() = default;
   ForceEstimator(const ForceEstimator&) = delete;

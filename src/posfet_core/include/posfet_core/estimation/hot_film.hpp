@@ -28,12 +28,6 @@ public:
   /// hardly separable then.
   static constexpr double kGreatestWarmth = 0.08;
 
-  /// What may have warmed the film; arrays have one value for each taxel.
-  struct Warmed {
-    const std::vector<double>& warmth;  ///< Relative to that of a long touch [1].
-    const TaxelFlags& beside;           ///< Taxels that are touched, or beside such ones.
-  };
-
   HotFilm(const EstimatedArray& array, const ContactSurroundings& surroundings)
       : array_(array),
         surroundings_(surroundings),
@@ -45,9 +39,9 @@ public:
   bool may_be_hot(const Belief& belief) const;
 
   /// Find the taxels whose film may be warm, as something touches them or one beside them, or has just done so: by the
-  /// warmth of each, by what is beside the present touch, and by what it held below zero, whose force, and so whose
-  /// warmth, is unknown. Overwritten by the next call.
-  const TaxelFlags& find_warm(const Warmed& warmed);
+  /// warmth of each, relative to that of a long touch [1], by what is touched or `beside` the present touch, and by
+  /// what it held below zero, whose force, and so whose warmth, is unknown. Overwritten by the next call.
+  const TaxelFlags& find_warm(const std::vector<double>& warmth, const TaxelFlags& beside);
 
   /// Keep the taxels that a hot film may hold below zero.
   void hold(const TaxelFlags& below) { below_.set(below.data()); }
@@ -55,7 +49,8 @@ public:
   /// Process forces below zero of some taxels [N]; return whether a hot film explains one of them, as a touch may have
   /// warmed it and no object pulls: not one as brief as what looks like a touch where an unknown force is released, nor
   /// one since before an interruption, of which a part may have leaked unseen.
-  bool explains(const TaxelFlags& below, const std::vector<double>& force, const Warmed& warmed);
+  bool explains(const TaxelFlags& below, const std::vector<double>& force, const std::vector<double>& warmth,
+                const TaxelFlags& beside);
 
   /// Process a block of some duration [s] in which something touches, or nothing.
   void follow(bool touches, double duration);
