@@ -27,14 +27,6 @@ constexpr double kNonlinearity = 0.01;
 /// Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by.
 constexpr double kNegligibleResponse = 1e-12;
 
-// Causes of errors that the forces share, beside the shared states.
-constexpr std::size_t kOfGain = kSharedStates;
-constexpr std::size_t kOfWarmerFilm = kSharedStates + 1;
-constexpr std::size_t kOfSlowPress = kSharedStates + 2;
-constexpr std::size_t kOfObject = kSharedStates + 3;
-constexpr std::size_t kOfLostScans = kSharedStates + 4;
-static_assert(kOfLostScans + 1 == kCauses);
-
 /// By how much the warmth of the object that touches may differ from that of others beyond what is unknown of that [K].
 /// It counts in the covariance only: as a state, it would make the common warmth follow each object, and all that is
 /// wrong with the assumed thermal contact.

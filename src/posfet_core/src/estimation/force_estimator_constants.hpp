@@ -27,8 +27,12 @@ constexpr double kSurprising = 3.0;
 /// Change of its temperature that no film survives [K]: a taxel whose response to it would not matter has none.
 constexpr double kHottest = 1e3;
 
-/// Causes of errors that the forces share: the shared states, gain, the hypothesis of a warmer film, a slow press, the
-/// object that touches, lost scans.
-constexpr std::size_t kCauses = kSharedStates + 5;
+// Causes of errors that the forces share: the shared states, and these.
+constexpr std::size_t kOfGain = kSharedStates;
+constexpr std::size_t kOfWarmerFilm = kOfGain + 1;  ///< The hypothesis of one.
+constexpr std::size_t kOfSlowPress = kOfGain + 2;
+constexpr std::size_t kOfObject = kOfGain + 3;  ///< The one that touches.
+constexpr std::size_t kOfLostScans = kOfGain + 4;
+constexpr std::size_t kCauses = kOfLostScans + 1;  ///< Number of them all.
 
 }  // namespace posfet
