@@ -96,6 +96,7 @@ def rows() -> dict[str, Row]:
             Limits(None, 90.0, 2.0),
         ),
     }
+    hidden = dict.fromkeys(("pad", "pad_slow", "slow", "two_fingers", "held_at_start"), Limits(None, None, 1.0))
     drift = Effects(drift=2.0 / 60.0, sensor_lag=1.0, sensor_offset=0.3, chip_warming=0.05)
     nothing = Limits(0.5, 95.0, 0.0)
     return {
@@ -116,11 +117,11 @@ def rows() -> dict[str, Row]:
         "creep": row(Effects(creep=0.05), Limits(1.0)),
         "hysteresis": row(Effects(hysteresis=0.03), Limits(2.5)),
         "warmth_30mK": row(Effects(warmth=0.03), Limits(2.0)),
-        "warmth_100mK": row(Effects(warmth=0.1), Limits(10.0)),
+        "warmth_100mK": Row(Effects(warmth=0.1), {"mixed": Limits(10.0), **hidden}),
         "warmth_100mK_soft": row(Effects(warmth=0.1, warmth_force=5e-3), Limits(10.0)),
         "warmth_100mK_stiff": row(Effects(warmth=0.1, warmth_force=0.15), Limits(10.0)),
         "warmth_30mK_step": row(Effects(warmth=0.03, warmth_step=5e-3), Limits(2.0), "mixed", "sliding"),
-        "warmth_100mK_step": row(Effects(warmth=0.1, warmth_step=10e-3), Limits(10.0)),
+        "warmth_100mK_step": Row(Effects(warmth=0.1, warmth_step=10e-3), {"mixed": Limits(10.0), **hidden}),
         "warmth_30mK_objects": row(
             Effects(warmth=0.03, warmth_spread=0.25), Limits(None, 90.0, None), "mixed", "regrasp", "pad"
         ),

@@ -93,6 +93,7 @@ HELD_SLOWLY = (
             "hold300",
         )
     ),
+    *((row, scene) for row in ("warmth_100mK", "warmth_100mK_step") for scene in ("pad", "slow")),
     ("warmth_30mK_objects", "pad"),
     ("warmth_30mK_objects", "regrasp"),
     ("moderate_under_way", "power_on"),

@@ -73,6 +73,8 @@ class Story:
     """Whether something touches since before the start."""
     known: bool = True
     """Whether a calibration knows how warm that is, in place of what is as warm as the film."""
+    rise: float = 0.02
+    """Time constant with which forces rise and fall [s]."""
 
     @property
     def tolerance(self) -> float:
@@ -135,7 +137,7 @@ class Film:
     def after(self, step: float) -> Array:
         """Return the charge densities a step later [C/m2]."""
         random = self.random
-        self._level += (self._target - self._level) * (1.0 - math.exp(-step / 0.02))
+        self._level += (self._target - self._level) * (1.0 - math.exp(-step / self.story.rise))
         square = ((self._positions - self._at) ** 2).sum(axis=1)
         force = self._level * np.exp(-0.5 * square / 1e-3**2)
         self.chip += self.rate * step
@@ -296,6 +298,8 @@ class Both:
         self.seen["hot film"] += python._hot
         self.seen["warmed"] += bool(python._thermal_contact.warmed.any())
         self.seen["left"] += int(python._thermal_contact._cooled_for.max()) >= LEFT_BLOCKS
+        self.seen["may touch"] += python._hidden_touch.may_touch
+        self.seen["pressed"] += bool(python._hidden_touch.pressed.any())
         self.seen["touched"] += bool(python._touched.any())
         self.seen["valid"] += python.valid
         self.seen["invalid"] += not python.valid
@@ -371,6 +375,11 @@ STORIES = {
         Story(5, 5, 1, calibrated=True, force=0.5, warmth=0.1),
         ("warmed", "left"),
         220,
+    ),
+    "slow presses whose warmth hides them": (
+        Story(5, 5, 3, calibrated=True, force=0.05, warmth=0.1, rise=2.0),
+        ("may touch", "pressed"),
+        400,
     ),
     "objects warmer than that of the calibration": (
         Story(5, 5, 3, calibrated=True, force=2.0, warmth=0.1, known=False),

@@ -376,6 +376,36 @@ def test_what_its_warmth_hides_has_not_left_however_long_it_stays() -> None:
     assert all(watch.valid[round(1000 * end) + 2500 :])
 
 
+def test_a_force_of_which_warmth_leaves_nothing_is_not_valid_as_none() -> None:
+    """It reads zero for ever, and was valid two seconds after it had begun."""
+    begin, end = 1.0, 6.0
+
+    def force(time: float) -> float:
+        warm = 1.0 - math.exp(-min(max(time - begin, 0.0), end - begin) / 0.5)
+        return press(0.4, begin, end)(time) - 0.4 * warm * math.exp(-max(time - end, 0.0) / 0.5)
+
+    watch = Watch(priors=replace(ErrorPriors(), warmth_mean=0.1))
+    totals = history(watch, SENSOR, end + 5.0, force=force, shape=PATCH).sum(axis=1)
+    assert not any(watch.valid[1500:]), "nothing has shown that it left"
+    assert np.abs(totals[round(1000 * end) + 2500 :]).max() < 0.02
+
+
+def test_a_slow_press_whose_warmth_hides_more_than_it_is_not_valid_and_leaves_no_force() -> None:
+    """It reads less than none, and zeros absorbed it; as it left, the film that cooled was a press for good."""
+    begin, end = 3.0, 11.0
+
+    def force(time: float) -> float:
+        share = min(max((time - begin) / 4.0, 0.0), 1.0)
+        warm = 0.35 * share * math.exp(-max(time - end, 0.0) / 0.5)
+        return (0.15 * share if time < end else 0.0) - warm
+
+    watch = Watch(priors=replace(ErrorPriors(), warmth_mean=0.1))
+    totals = history(watch, SENSOR, end + 5.0, force=force, shape=PATCH).sum(axis=1)
+    assert all(watch.valid[1000 : round(1000 * begin)])
+    assert not any(watch.valid[round(1000 * begin) + 2500 : round(1000 * end) + 500])
+    assert np.abs(totals[round(1000 * end) + 3000 :]).max() < 0.02
+
+
 def test_what_a_hot_object_does_to_the_whole_film_is_no_warming_since_before_the_start() -> None:
     watch = Watch()
     hot = [-2.0 * (1.0 - math.exp(-max(0.001 * index - 3.0, 0.0) / 0.5)) for index in range(6001)]

@@ -31,6 +31,7 @@ from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 from reference.estimation.contact_surroundings import ContactSurroundings
 from reference.estimation.error_states import SharedDynamics, start_belief, start_covariance, start_mean
 from reference.estimation.held_forces import HeldForces
+from reference.estimation.hidden_touch import HiddenTouch
 from reference.estimation.jump_noise import QUIET, JumpNoise
 from reference.estimation.known_forces import (
     GATE,
@@ -317,14 +318,14 @@ class ForceEstimator:
         self._filter = ForceErrorFilter(start_belief(taxels, start_mean(p), start_covariance(p)))
         self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
-        self._unexplained = UnexplainedResiduals(taxels, self._threshold)
-        self._release = ReleaseDetector(taxels)
+        self._unexplained, self._release = UnexplainedResiduals(taxels, self._threshold), ReleaseDetector(taxels)
         self._jumps, self._lone_drift = JumpNoise(self._tau), LoneDrift(taxels)
         self._walk, self._steady_force = TemperatureWalk(p.film_walk, self._film_lag), SteadyForce()
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, float(self._tau.max()))
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, NEGATIVE_TIME, LOST_FORCE_TIME)
         self._surroundings, self._held_forces = ContactSurroundings(sensor.layout), HeldForces(sensor.layout)
-        self._thermal_contact = ThermalContact(taxels, p.warmth_time, self._threshold)
+        warms = (taxels, p.warmth_time, self._threshold)
+        self._thermal_contact, self._hidden_touch = ThermalContact(*warms), HiddenTouch(*warms)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film: Thermometers = self._integration.thermometers
@@ -525,6 +526,7 @@ class ForceEstimator:
         belief, response, p = self.belief, self._touch.matrix(), self._priors
         self._hot = self._shown_hot = self._touches = self._begun = False
         self._touched_for, self._below = 0.0, self._nowhere
+        self._hidden_touch.forget()
         self._thermal_contact.reset()
         left = np.zeros_like(response)
         left[:, Shared.FILM] = response[:, Shared.FILM]
@@ -563,6 +565,7 @@ class ForceEstimator:
         self._unexplained = UnexplainedResiduals(len(self.force), self._threshold)
         self._hot = self._shown_hot = self._touches = self._begun = self._zero_known = False
         self._below = self._nowhere
+        self._hidden_touch.forget()
         taxels, p = len(self.force), self._priors
         self._filter.belief = start_belief(taxels, start_mean(p), start_covariance(p))
         self._touch.reset()
@@ -663,6 +666,8 @@ class ForceEstimator:
             unknown |= self._below
         else:
             self._below = self._nowhere
+        self._hidden_touch.follow_readings(self._sum / self._scans, self._film_hides(self.belief))
+        unknown |= self._hidden_touch.pressed
         if self._refutation.wide:
             unknown |= True
         if any_true(self._touched):
@@ -963,13 +968,13 @@ class ForceEstimator:
             tail = np.where(around, tail, 0.0)
             least = np.maximum(force + np.minimum(by_warmth, 0.0), self._priors.tail * tail)
             most = np.maximum(force, 2.0 * self._tail_spread(self.belief) * tail)
+        self._follow_thermal_contact()
         # Where warmth might be all of a force, it is what it was when that beside it came to rest.
         if self._priors.warmth_certain > 0.0:
             certain = ~self.ignored & (least > self._threshold)
             self._held_forces.update(np.where(self.ignored, 0.0, force), certain, self._elapsed)
             if any_true(listed):
                 least = np.where(around & ~certain, np.maximum(least, self._held_forces.held), least)
-            self._follow_thermal_contact()
             if any_true(listed):
                 warmed = around & self._thermal_contact.warmed
                 least, most = np.where(warmed, math.inf, least), np.where(warmed, math.inf, most)
@@ -979,7 +984,10 @@ class ForceEstimator:
     @property
     def _hidden_share(self) -> float:
         """What warmth hides of a force, over the force that causes most of that warmth [1]."""
-        hidden = -self._mean_per_kelvin * float(self.belief.shared[Shared.WARMTH])
+        return self._hidden_share_of(self.belief)
+
+    def _hidden_share_of(self, belief: Belief) -> float:
+        hidden = -self._mean_per_kelvin * float(belief.shared[Shared.WARMTH])
         return hidden / max(self._priors.warmth_force, self._threshold)
 
     def _follow_thermal_contact(self) -> None:
@@ -1369,10 +1377,15 @@ class ForceEstimator:
             for own in (belief.own, block.own_noise):  # there, too, if the block is processed again
                 own[errors, 0, 0] += residual[errors] ** 2
 
-    def _may_be_hot(self) -> bool:
+    def _may_be_hot(self, belief: Belief | None = None) -> bool:
         """Return whether what touches may have warmed the film so much that force and warmth are hardly separable."""
-        warmth, variance = self.belief.shared[Shared.WARMTH], self.belief.covariance[Shared.WARMTH, Shared.WARMTH]
+        belief = belief or self.belief
+        warmth, variance = belief.shared[Shared.WARMTH], belief.covariance[Shared.WARMTH, Shared.WARMTH]
         return self._hot or abs(float(warmth)) + math.sqrt(float(variance)) > GREATEST_WARMTH
+
+    def _film_hides(self, belief: Belief) -> bool:
+        """Return whether the film may be so warm that it hides a force."""
+        return self._may_be_hot(belief) and self._hidden_share_of(belief) > 1.0
 
     def _may_be_warm(self) -> Mask:
         """Return the taxels of which the film may have been warmed by what touches, or has just touched."""
@@ -1451,13 +1464,14 @@ class ForceEstimator:
     def _finish(self, block: Block) -> None:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
+        self._follow_usual(block)
+        self._find_hidden_press(block.duration)
         leaking = self._offset() * self._per_second()
         self._rate[:] = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
         known = self._filter.predicted(block.response) + self._touch.loops
         self._correction[:] = known + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
-        self._follow_usual(block)
         self._set_covariance(block)
         self._find_hot_touch()
         self._recovering = max(0.0, self._recovering - block.duration)
@@ -1518,6 +1532,30 @@ class ForceEstimator:
         self._usual += share * (error - self._usual)
         self._usual_offset += share * (offset - self._usual_offset)
 
+    def _find_hidden_press(self, duration: float) -> None:
+        """Find whether something may touch that warmth hides.
+
+        What presses so slowly that zeros have absorbed it has let the reading fall: its errors are the usual ones.
+        """
+        # While something is released, it may look hot from one block to the next.
+        lasts = len(self._blocks) == LAG and self._film_hides(self._blocks[0].before)
+        hides = lasts and self._film_hides(self.belief)
+        if self._hidden_share <= 1.0:
+            self._hidden_touch.forget()
+        self._hidden_touch.follow_touch(self._touched, self._mean, self._thermal_contact, hides, duration)
+        if not hides:
+            return
+        fallen = np.where(self._untouched_time < 0.5 * ABSORBED_TIME, 0.0, -self._unusual())
+        pressed = ~self._touched & ~self.ignored & self.offset_known & (fallen > self._hidden_touch.least)
+        if any_true(pressed):
+            self._hidden_touch.pressed |= pressed
+            error, own = self.belief.error, self.belief.own
+            usual = np.column_stack((self._usual, self._usual_offset))
+            for state in (0, 1):
+                own[pressed, state, state] += (error[pressed, state] - usual[pressed, state]) ** 2
+                error[pressed, state] = usual[pressed, state]
+            self._forget_blocks()  # to process them again would undo it
+
     def _absorbed(self) -> Array:
         """Return what a slow press may have lost to zeros [N].
 
@@ -1525,11 +1563,15 @@ class ForceEstimator:
         have in common by the pattern of their pyroelectric responses is what the temperature of the film seemed to be
         until the sensors said otherwise, and no press.
         """
-        absorbed: Array = self.belief.error[:, 0] - self._usual
+        return np.maximum(self._unusual(), 0.0)
+
+    def _unusual(self) -> Array:
+        """Return by how much the error of each force exceeds its usual one [N], but for what seemed a warm film."""
+        unusual: Array = self.belief.error[:, 0] - self._usual
         untouched = ~(self._touched | self.ignored)
         if self._uniform.observable and np.count_nonzero(untouched) >= UniformChange.FEWEST:
-            absorbed = absorbed - self._per_kelvin * median((absorbed / self._per_kelvin)[untouched])
-        return np.maximum(absorbed, 0.0)
+            unusual = unusual - self._per_kelvin * median((unusual / self._per_kelvin)[untouched])
+        return unusual
 
     def _set_covariance(self, block: Block) -> None:
         counted = ~self.ignored | self.informative
@@ -1611,9 +1653,10 @@ class ForceEstimator:
             not any_touched
             and abs(self._unconfirmed) <= self._negligible
             and warmed <= LEAST_DEVIATION * self._threshold
+            and not self._hidden_touch.may_touch
         ):
             return True
-        if self._may_be_hot():
+        if self._hidden_touch.may_touch or self._may_be_hot():
             return False
         greatest, present = max(self._recent_force), abs(total)
         if total < -SURPRISING * deviation - self._threshold:

@@ -71,6 +71,11 @@ class ThermalContact:
         return len(self._readings) > BLOCKS
 
     @property
+    def tends_to(self) -> Array | None:
+        """Value that the reading of each taxel tends to [N], shape [taxels]; None: unknown yet."""
+        return self._tends if self._known else None
+
+    @property
     def warmed(self) -> Mask:
         """Whether something warms each taxel, shape [taxels]."""
         if not self._known:
@@ -88,12 +93,20 @@ class ThermalContact:
         """
         left = np.zeros(len(self._tends), np.bool_)
         for contact in contacts:
-            left[contact] = self._known and self._cools(contact)
+            left[contact] = self.cools(contact)
         self._cooled_for = np.where(left, self._cooled_for + 1, 0)
         found: Mask = self._cooled_for >= LEFT_BLOCKS
         return found
 
-    def _cools(self, contact: NDArray[np.intp]) -> bool:
-        """Return whether a contact reads less than none, and all of it tends to none."""
+    def cools(self, contact: NDArray[np.intp]) -> bool:
+        """Return whether a contact reads less than none, and all of it tends to none.
+
+        Parameters
+        ----------
+        contact : ndarray of int
+            Its taxels.
+        """
+        if not self._known or len(contact) == 0:
+            return False
         lowest = min(float(self._readings[-1][contact].min()), 0.0)
         return bool(lowest < -self._threshold and np.abs(self._tends[contact]).max() < -LEFT * lowest)

@@ -12,6 +12,7 @@
 #include "posfet_core/estimation/shared_states.hpp"
 #include "posfet_core/force_integration.hpp"
 #include "posfet_core/medians.hpp"
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/recycled.hpp"
 
 namespace posfet {
@@ -30,7 +31,8 @@ AbsorbedForce::AbsorbedForce(const EstimatedArray& array, bool observable)
       error_(array.taxels(), 0.0),
       offset_(array.taxels(), 0.0),
       untouched_for_(array.taxels(), 0.0),
-      values_(array.taxels(), 0.0) {}
+      values_(array.taxels(), 0.0),
+      fallen_(array.taxels(), 0.0) {}
 
 void AbsorbedForce::restart(std::size_t taxel, const Belief& belief) {
   error_[taxel] = belief.error_of(taxel)[kForceError];
@@ -66,8 +68,18 @@ void AbsorbedForce::find(const Belief& belief, const TaxelFlags& touched, const 
   }
   const double film = kelvins.size() < kFewestForUniform ? 0.0 : median(kelvins);
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
-    values_[taxel] = std::max(values_[taxel] - film * array_.newton_per_kelvin[taxel], 0.0);
+    const double own = values_[taxel] - film * array_.newton_per_kelvin[taxel];
+    values_[taxel] = std::max(own, 0.0);
+    fallen_[taxel] = untouched_for_[taxel] < 0.5 * kAbsorbedTime ? 0.0 : std::max(-own, 0.0);
   }
+}
+
+void AbsorbedForce::recall(std::size_t taxel, Belief& belief) const {
+  double* error = belief.error_of(taxel);
+  belief.own_of(taxel)[own_at(kForceError, kForceError)] += square(error[kForceError] - error_[taxel]);
+  belief.own_of(taxel)[own_at(kOffset, kOffset)] += square(error[kOffset] - offset_[taxel]);
+  error[kForceError] = error_[taxel];
+  error[kOffset] = offset_[taxel];
 }
 
 }  // namespace posfet

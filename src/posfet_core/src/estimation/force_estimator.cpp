@@ -89,6 +89,7 @@ ForceEstimator::ForceEstimator(GivenArray array)
       unseen_(taxels(), array_.priors),
       process_noise_(array_, surroundings_),
       hot_film_(array_, surroundings_),
+      hidden_touch_(array_),
       unheated_(touch_),
       unexplained_(taxels(), array_.threshold),
       release_(taxels()),
@@ -219,6 +220,7 @@ void ForceEstimator::forget_touch() {
   const std::vector<double> mean = array_.priors.mean();
   const SquareMatrix prior = array_.priors.covariance();
   hot_film_.forget();
+  hidden_touch_.forget();
   touched_forces_.forget_contact();
   Vector<double> response(taxels() * kSharedStates);
   touch_.matrix(response.data());
@@ -306,6 +308,7 @@ void ForceEstimator::forget() {
   left_charge_.assign(taxels(), array_.left_charge);
   unexplained_ = UnexplainedResiduals(taxels(), array_.threshold);
   hot_film_.forget();
+  hidden_touch_.forget();
   *belief() = *make_belief(taxels(), array_.priors);
   touch_.reset();
   forget_contacts();

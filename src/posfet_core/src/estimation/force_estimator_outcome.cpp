@@ -24,10 +24,46 @@ constexpr double kBeyondRange = 1.25;
 
 }  // namespace
 
+/// Whether the film may be so warm that it hides a force.
+bool ForceEstimator::film_hides(const Belief& b) const {
+  return hot_film_.may_be_hot(b) && touched_forces_.hidden_share(b) > 1.0;
+}
+
+/// Follow what zeros absorb. What presses so slowly that they have absorbed it, where warmth hides it, has let the
+/// reading fall: the errors of that taxel are the usual ones.
+void ForceEstimator::follow_absorbed(const Block& block, double film_rate) {
+  for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
+    if (listed_[taxel] || !offset_known()[taxel]) {
+      absorbed_.touch(taxel);
+    }
+  }
+  absorbed_.follow(block, *belief(), film_rate, beside_);
+  absorbed_.find(*belief(), touched_, ignored());
+  // While something is released, it may look hot from one block to the next.
+  const bool hides = blocks_.full() && film_hides(blocks_[0].before) && film_hides(*belief());
+  if (touched_forces_.hidden_share(*belief()) <= 1.0) {
+    hidden_touch_.forget();
+  }
+  hidden_touch_.follow_touch(touched_, mean_, touched_forces_.thermal_contact(), hides, block.duration);
+  bool recalls = false;
+  for (std::size_t taxel = 0; hides && taxel < taxels(); ++taxel) {
+    const bool untouched = !touched_[taxel] && !ignored()[taxel] && offset_known()[taxel];
+    if (untouched && absorbed_.fallen()[taxel] > HiddenTouch::kReads * array_.threshold) {
+      hidden_touch_.press(taxel);
+      absorbed_.recall(taxel, *belief());
+      recalls = true;
+    }
+  }
+  if (recalls) {
+    forget_blocks();  // to process them again would undo it
+  }
+}
+
 /// Set the correction of the next scans, covariance and validity.
 void ForceEstimator::finish(const Block& block) {
   const Belief& b = *belief();
   const double rate = propagation_.film_rate(b);
+  follow_absorbed(block, rate);
   Vector<double> predicted(taxels());
   filter_.predicted(block.response.data(), predicted.data());
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
@@ -39,12 +75,7 @@ void ForceEstimator::finish(const Block& block) {
     state_.held[taxel] = touched_[taxel] && counts(taxel) ? std::max(state_.force[taxel], 0.0) : 0.0;
     state_.lost[taxel] = touched_[taxel] ? state_.lost[taxel] : 0.0;
     mean_[taxel] = block.mean[taxel] - predicted[taxel];
-    if (listed_[taxel] || !offset_known()[taxel]) {
-      absorbed_.touch(taxel);
-    }
   }
-  absorbed_.follow(block, b, rate, beside_);
-  absorbed_.find(b, touched_, ignored());
   covariance_.update(block,
                      {filter_, touch_, mean_, absorbed_.values(), touched_, beside_, listed_.any(), unconfirmed_});
   find_hot_touch();
@@ -94,13 +125,15 @@ bool ForceEstimator::is_valid(double duration) {
   const double total = sum_where(counted, force());
   certainty_.add(total);
   const bool unconfirmed = std::abs(unconfirmed_) > integration_->limits().negligible;
-  const bool may_touch = touches || unconfirmed || warmed > array_.threshold || refutation_.wide();
+  const bool may_touch =
+      touches || unconfirmed || warmed > array_.threshold || refutation_.wide() || hidden_touch_.may_touch();
   bool certain = true;
   if (may_touch) {
     const double deviation = covariance_.total_deviation(counted);
     const double noise = std::sqrt(sum_where(counted, noise_variance_));
     refutation_.end_block(duration, total, deviation);
-    certain = !hot_film_.may_be_hot(*belief()) && certainty_.is_certain(deviation, noise, max_relative_uncertainty);
+    certain = !hidden_touch_.may_touch() && !hot_film_.may_be_hot(*belief()) &&
+              certainty_.is_certain(deviation, noise, max_relative_uncertainty);
   }
   const bool unknown_zero = touch_at_start && !zero_known_;
   return sound && certain && !unknown_zero && recovering_ <= 0.0;

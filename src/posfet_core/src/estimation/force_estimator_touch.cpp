@@ -52,6 +52,7 @@ void ForceEstimator::find_touched(Block& block) {
                              ? refutation_.pressed_force(sum_where(usable, mean_), state_.usable())
                              : std::numeric_limits<double>::infinity();
   TaxelFlags below(taxels());
+  hidden_touch_.follow_readings(mean_, film_hides(*belief()));
   for (std::size_t taxel = 0; taxel < taxels(); ++taxel) {
     const double mean = mean_[taxel];
     const double noise = std::sqrt(noise_variance_[taxel] / integration_->block().scans);
@@ -59,8 +60,8 @@ void ForceEstimator::find_touched(Block& block) {
     below[taxel] = hot && mean < -array_.threshold && warm[taxel];
     const bool left = release_.has_left(taxel, hot ? std::abs(mean) : mean, noise) && mean <= pressed;
     const bool moving = touched_[taxel] && !left;
-    const bool may_touch =
-        unexplained_.rising()[taxel] || near_unknown[taxel] || moving || below[taxel] || refutation_.wide();
+    const bool may_touch = unexplained_.rising()[taxel] || near_unknown[taxel] || moving || below[taxel] ||
+                           hidden_touch_.presses(taxel) || refutation_.wide();
     block.touched[taxel] = block.listed[taxel] || (may_touch && offset_known()[taxel]);
   }
   hot_film_.hold(below);

@@ -42,11 +42,13 @@ bool ThermalContact::warmed(std::size_t taxel) const {
 }
 
 bool ThermalContact::find_left(const Vector<const Taxels*>& contacts, TaxelFlags& left) {
-  return cools_for_.update(contacts, [&](const Taxels& contact) { return known() && cools(contact); }, left.data());
+  return cools_for_.update(contacts, [&](const Taxels& contact) { return cools(contact); }, left.data());
 }
 
-/// Whether a contact reads less than none, and all of it tends to none.
 bool ThermalContact::cools(const Taxels& contact) const {
+  if (!known()) {
+    return false;
+  }
   double lowest = 0.0;
   double farthest = 0.0;
   for (const Taxel each : contact) {

@@ -83,11 +83,11 @@ void TouchedForces::find_bounds(const Block& block, const Shown& shown) {
     least_[taxel] = std::max(pressing_[taxel] + std::min(by_warmth, 0.0), array_.priors.tail * tail);
     most_[taxel] = std::max(pressing_[taxel], spread * tail);
   }
+  follow_thermal_contact(shown, block.duration);
   if (array_.priors.warmth_certain <= 0.0) {
     return;
   }
   raise_to_held(shown, near, block.duration);
-  follow_thermal_contact(shown, block.duration);
   for (std::size_t taxel = 0; taxel < steady_.size(); ++taxel) {
     if (near[taxel] && thermal_contact_.warmed(taxel)) {
       least_[taxel] = most_[taxel] = kSaturating;

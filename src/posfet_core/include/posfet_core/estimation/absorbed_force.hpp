@@ -48,6 +48,12 @@ public:
   /// What `find` found [N], >= 0.
   const std::vector<double>& values() const { return values_; }
 
+  /// By how much each force has fallen instead [N], >= 0: what warmth may hide of a press.
+  const std::vector<double>& fallen() const { return fallen_; }
+
+  /// Set the errors of a taxel to the usual ones: what zeros have made of them since is wrong.
+  void recall(std::size_t taxel, Belief& belief) const;
+
 private:
   const EstimatedArray& array_;
   bool observable_;
@@ -55,6 +61,7 @@ private:
   std::vector<double> offset_;         ///< and the offset of the signal that goes with it [N].
   std::vector<double> untouched_for_;  ///< Time since the taxel was touched [s].
   std::vector<double> values_;
+  std::vector<double> fallen_;
 };
 
 }  // namespace posfet

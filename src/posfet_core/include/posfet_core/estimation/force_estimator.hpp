@@ -29,6 +29,7 @@
 #include "posfet_core/estimation/estimated_array.hpp"
 #include "posfet_core/estimation/force_covariance.hpp"
 #include "posfet_core/estimation/force_error_filter.hpp"
+#include "posfet_core/estimation/hidden_touch.hpp"
 #include "posfet_core/estimation/hot_film.hpp"
 #include "posfet_core/estimation/lone_drift.hpp"
 #include "posfet_core/estimation/lower_bound_monitor.hpp"
@@ -211,6 +212,8 @@ private:
   void end_unknown_touch(const Block& block);
 
   // What follows for the forces (force_estimator_outcome.cpp).
+  bool film_hides(const Belief& b) const;
+  void follow_absorbed(const Block& block, double film_rate);
   void finish(const Block& block);
   void find_hot_touch();
   bool is_valid(double duration);
@@ -239,6 +242,7 @@ private:
   UnseenRelease unseen_;
   ProcessNoise process_noise_;
   HotFilm hot_film_;
+  HiddenTouch hidden_touch_;
 
   // Doubts.
   UnheatedBelief unheated_;  ///< While `uniform_` is open.

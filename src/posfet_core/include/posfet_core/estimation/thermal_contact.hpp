@@ -14,6 +14,7 @@
 #include "posfet_core/estimation/blocks_in_a_row.hpp"
 #include "posfet_core/flags.hpp"
 #include "posfet_core/grid.hpp"
+#include "posfet_core/numbers.hpp"
 #include "posfet_core/recycled.hpp"
 
 namespace posfet {
@@ -47,6 +48,12 @@ public:
   /// Process a block of `duration` [s]: what taxels read but for their warmth [N].
   void update(const std::vector<double>& reading, double duration);
 
+  /// Value that the reading of a taxel tends to [N]; NaN: unknown yet.
+  double tends_to(std::size_t taxel) const { return known() ? tends_[taxel] : kUnknown; }
+
+  /// Whether a contact reads less than none, and all of it tends to none.
+  bool cools(const Taxels& contact) const;
+
   /// Whether something warms a taxel.
   bool warmed(std::size_t taxel) const;
 
@@ -56,7 +63,6 @@ public:
 private:
   bool known() const { return seen_ >= readings_.size(); }
   const std::vector<double>& newest() const { return readings_[(seen_ - 1) % readings_.size()]; }
-  bool cools(const Taxels& contact) const;
 
   double warmth_time_;
   double threshold_;

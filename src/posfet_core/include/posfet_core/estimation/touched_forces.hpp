@@ -48,6 +48,9 @@ public:
   const std::vector<double>& least() const { return least_; }
   const std::vector<double>& most() const { return most_; }
 
+  /// What the readings show of the thermal contact; nothing where warmth hides less than a force.
+  const ThermalContact& thermal_contact() const { return thermal_contact_; }
+
   /// What warmth hides of a force, over the force that causes most of that warmth [1].
   double hidden_share(const Belief& belief) const;
 
