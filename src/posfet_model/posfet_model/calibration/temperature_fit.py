@@ -118,7 +118,8 @@ def fit_temperature(
     """
     charge = high_pass(time, common, time_constant) / time_constant
     nothing, unseen = np.zeros(len(time)), np.zeros(len(time))
-    shares = [_best(time, temperature, common, nothing, film_lag, share) for share in DEAD_SHARES]
+    without_dead_time: dict[float, float] = {}
+    shares = [_best(time, temperature, common, nothing, film_lag, share, without_dead_time) for share in DEAD_SHARES]
     share = min(shares, key=lambda each: float(np.square(each.residuals).sum())).dead_share
     parts = time[changing], temperature[changing], common[changing]
     found = _best(*parts, nothing[changing], film_lag, share)
@@ -136,26 +137,71 @@ def fit_temperature(
 
 
 def _best(
-    time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, dead_share: float
+    time: Array,
+    temperature: Array,
+    common: Array,
+    unseen: Array,
+    film_lag: float,
+    dead_share: float,
+    without_dead_time: dict[float, float] | None = None,
 ) -> TemperatureFit:
-    """Return the fit with the lag that leaves the smallest residuals."""
+    """Return the fit with the lag that leaves the smallest residuals.
+
+    `without_dead_time` keeps the squares of the lags from 0 for searches with another share of the same signals.
+    """
+    known = {} if without_dead_time is None else without_dead_time
+
+    def at(lag: float) -> _Solution:
+        return _solve(time, temperature, common, unseen, film_lag, lag, dead_share)
 
     def squares(lag: float) -> float:
-        return float(np.square(at(lag).residuals).sum())
-
-    def at(lag: float) -> TemperatureFit:
-        return _at(time, temperature, common, unseen, film_lag, lag, dead_share)
+        if lag < 0.0:
+            return at(lag).squares
+        if lag not in known:
+            known[lag] = at(lag).squares
+        return known[lag]
 
     best = int(np.argmin([squares(lag) for lag in LAGS]))
     at_limit = best in (0, len(LAGS) - 1)
     lag = LAGS[best] if at_limit else golden_section(squares, LAGS[best - 1], LAGS[best + 1], 20)
-    return at(lag)
+    return at(lag).fit()
 
 
-def _at(
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Least squares for a given lag, without the uncertainty, which takes as long and is asked for once per search."""
+
+    lag: float
+    dead_share: float
+    columns: Array
+    coefficients: Array
+    left: Array
+    """What the columns leave of the common-mode signal [N], shape [blocks]."""
+
+    @property
+    def scale(self) -> float:
+        """Response of the film to its temperature [N/K], or the least that divides."""
+        per_kelvin = float(self.coefficients[3])
+        return per_kelvin if abs(per_kelvin) > 1e-9 else 1e-9
+
+    @property
+    def squares(self) -> float:
+        """Sum of the squared residuals [K2]."""
+        return float(np.square(self.left / self.scale).sum())
+
+    def fit(self) -> TemperatureFit:
+        """Return the fit with its uncertainty."""
+        _, drift, leak, per_kelvin = map(float, self.coefficients)
+        columns, left = self.columns, self.left
+        spread = np.linalg.pinv(columns.T @ columns)[2, 2] * float(left @ left) / max(len(left) - 4, 1)
+        deviation = math.hypot(math.sqrt(spread), LEAK_UNCERTAINTY)
+        return TemperatureFit(self.lag, per_kelvin, drift, leak, deviation, self.dead_share, left / self.scale)
+
+
+def _solve(
     time: Array, temperature: Array, common: Array, unseen: Array, film_lag: float, lag: float, dead_share: float
-) -> TemperatureFit:
-    """Return the fit for a given lag: ``film = a + b*t - c*unseen + p*temperature``, the faster one delayed."""
+) -> _Solution:
+    """Return the solution for a given lag: ``film = a + b*t - c*unseen + p*temperature``, the faster one delayed."""
     elapsed, temperature = time - time[0], temperature - temperature[0]
     columns = np.stack([np.ones(len(time)), elapsed, -unseen, temperature], axis=1)
     if lag >= 0.0:
@@ -168,13 +214,8 @@ def _at(
         columns[:, :3] = low_pass(time, _after(time, columns[:, :3], dead), slow)
         columns[:, 3] = low_pass(time, temperature, film_lag)
         delayed = low_pass(time, _after(time, common[:, None], dead)[:, 0], slow)
-    found = np.linalg.lstsq(columns, delayed, rcond=None)[0]
-    per_kelvin = float(found[3])
-    scale = per_kelvin if abs(per_kelvin) > 1e-9 else 1e-9
-    left = delayed - columns @ found
-    spread = np.linalg.pinv(columns.T @ columns)[2, 2] * float(left @ left) / max(len(time) - 4, 1)
-    deviation = math.hypot(math.sqrt(spread), LEAK_UNCERTAINTY)
-    return TemperatureFit(lag, per_kelvin, float(found[1]), float(found[2]), deviation, dead_share, left / scale)
+    coefficients = np.linalg.lstsq(columns, delayed, rcond=None)[0]
+    return _Solution(lag, dead_share, columns, coefficients, delayed - columns @ coefficients)
 
 
 def _after(time: Array, columns: Array, dead: float) -> Array:
