@@ -62,7 +62,7 @@ def scans(
     for begin in range(0, len(times), CHUNK):
         part = times[begin : begin + CHUNK]
         temperatures = [temperature(time) for time in part]
-        counts = conversions.next(np.stack([shape * force(time) for time in part]), np.array(temperatures))
+        counts = conversions.next(np.multiply.outer([force(time) for time in part], shape), np.array(temperatures))
         for index, time in enumerate(part):
             scan.counts[:] = counts[index]
             scan.stamp = START + round(time * 1e9)

@@ -64,7 +64,7 @@ class Watch:
         self.valid: list[bool] = []
         self._inverse = InverseSignalChain(model)
         self._charge = np.zeros(TAXELS)
-        self._touched = np.zeros(TAXELS, np.bool_)
+        self._touched, self._above = np.zeros(TAXELS, np.bool_), np.zeros(TAXELS, np.bool_)
         self._limit = np.full(TAXELS, THRESHOLD)
         self._last = -1e-3
 
@@ -74,8 +74,10 @@ class Watch:
         if not integration.process(charge, scan.temperatures, time - self._last):
             estimator.start(charge)
         self._last = time
-        integration.compensate_common_mode(bool(self._touched.any()))
-        self._touched |= estimator.force > self._limit
+        integration.compensate_common_mode(np.count_nonzero(self._touched) > 0)
+        force = estimator.force
+        np.greater(force, self._limit, out=self._above)
+        np.logical_or(self._touched, self._above, out=self._touched)
         if estimator.block_time >= BLOCK:
             touched = self._touched & estimator.offset_known
             estimator.close_block(touched, [np.flatnonzero(touched)] if touched.any() else [])
