@@ -265,6 +265,11 @@ class AmplifierCircuit:
         """
         return self._capacitances(*self._voltages(nodes, v_in))
 
+    def currents_and_capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array, Array]:
+        """Return what `currents` and `capacitances` return, of one look at the transistors; unchecked."""
+        gate, drain, parts = self.transistors(nodes, v_in)
+        return self._sum(nodes, parts.current), *self._capacitances(gate, drain)
+
     def _capacitances(self, gate: Array, drain: Array, inverting: str = "out") -> tuple[Array, Array]:
         parts = gate_capacitances(SIGNS[self.stages], self.gate_area, self.threshold, gate, drain)
         matrix = assemble(CAPACITANCE_MAP[self.stages, inverting], *parts)

@@ -74,10 +74,6 @@ class PairLoop:
         root = np.sqrt(1 - x * x / 4)
         return x * root, np.maximum(1 - x * x / 2, 0) / root
 
-    def currents(self, nodes: Array, v_in: Array) -> Array:
-        """Return what drives the nodes towards rest [V]; unchecked."""
-        return self._driven(nodes, self._pair(nodes, v_in)[0])
-
     def _driven(self, nodes: Array, current: Array) -> Array:
         first, second = nodes[..., 0], nodes[..., 1]
         return np.stack(np.broadcast_arrays(first - self._parts[0] * self.overdrive * current, second - first), axis=-1)
@@ -87,8 +83,12 @@ class PairLoop:
         shape = np.broadcast_shapes(nodes.shape[:-1], np.shape(v_in))
         return np.broadcast_to(self._capacitance, (*shape, 2, 2)), np.zeros((*shape, 2))
 
+    def currents_and_capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array, Array]:
+        """Return what drives the nodes towards rest [V], and `capacitances`; unchecked."""
+        return self._driven(nodes, self._pair(nodes, v_in)[0]), *self.capacitances(nodes, v_in)
+
     def evaluate(self, nodes: Array, v_in: Array) -> tuple[Array, Matrices]:
-        """Return `currents` and the linearised system; unchecked."""
+        """Return what drives the nodes towards rest [V], and the linearised system; unchecked."""
         current, slope = self._pair(nodes, v_in)
         gain, _, _, lead = self._parts
         drive = gain * slope

@@ -81,8 +81,10 @@ def linearise(
     current = factor * core
     gm = factor * channel
     gds = factor * (overdrive - channel) + beta * modulation * core
+    if not swapped.any():
+        return Linearised(polarity * current, gm, gds)
     sign = np.where(swapped, -polarity, polarity)
-    through, slope = _junction(np.where(swapped, across, 0.0)) if swapped.any() else (0.0, 0.0)
+    through, slope = _junction(np.where(swapped, across, 0.0))
     return Linearised(
         current=sign * current - polarity * through,
         transconductance=np.where(swapped, -gm, gm),
@@ -123,11 +125,14 @@ def gate_capacitances(polarity: Array, area: Array, threshold: Array, gate: Arra
     across = np.abs(vds)
     channel = np.maximum(overdrive, 1e-12)
     triode = (across < channel) & (overdrive > 0)
-    rest = np.where(triode, 2 * channel - across, 1.0)
-    source = np.where(triode, 2 / 3 * (1 - ((channel - across) / rest) ** 2), 2 / 3)
-    far = np.where(triode, 2 / 3 * (1 - (channel / rest) ** 2), 0.0)
+    source: Array | float = 2 / 3
+    far: Array | float = 0.0
+    if triode.any():
+        rest = np.where(triode, 2 * channel - across, 1.0)
+        source = np.where(triode, 2 / 3 * (1 - ((channel - across) / rest) ** 2), 2 / 3)
+        far = np.where(triode, 2 / 3 * (1 - (channel / rest) ** 2), 0.0)
     # Below threshold: bulk from 0 to 1 over PHI, source from 2/3 to 0 over half of it.
-    depth = np.clip(-overdrive / SURFACE_POTENTIAL, 0.0, 1.0)
+    depth = np.minimum(np.maximum(-overdrive / SURFACE_POTENTIAL, 0.0), 1.0)
     to_bulk = depth
     source = np.where(overdrive > 0, source, np.maximum(2 / 3 - 4 / 3 * depth, 0.0))
     near_source = np.where(swapped, far, source) + to_bulk

@@ -45,6 +45,8 @@ _GAMMA: Final = np.array(
         [0.24212380706095346, -1.2232505839045147, 0.54526025533510214],
     ]
 )
+_ALPHA_SUMS: Final = [float(row.sum()) for row in _ALPHA]
+_GAMMA_SUMS: Final = [float(row.sum()) for row in _GAMMA]
 _WEIGHTS: Final = np.array([0.24212380706095346, -1.2232505839045147, 1.5452602553351020, 0.435866521508459])
 _ERROR: Final = _WEIGHTS - np.array([0.37810903145819369, -0.096042292212423178, 0.5, 0.21793326075422950])
 
@@ -81,11 +83,11 @@ class System(Protocol):
     def operating_point(self, v_in: Array) -> Array:
         """Return the nodes at rest [V], shape [..., n]."""
 
-    def currents(self, nodes: Array, v_in: Array) -> Array:
-        """Return i [A], shape [..., n]."""
-
     def capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array]:
         """Return C and c_in [F]."""
+
+    def currents_and_capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array, Array]:
+        """Return i [A], shape [..., n], C and c_in [F]."""
 
     def evaluate(self, nodes: Array, v_in: Array) -> tuple[Array, Matrices]:
         """Return i [A] and the linearised system."""
@@ -250,13 +252,13 @@ def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: Array
     for stage in range(4):
         if stage:
             place = nodes + sum(a * change for a, change in zip(_ALPHA[stage], changes, strict=False) if a)
-            at = v_in + length * slope * _ALPHA[stage].sum()
-            here, here_column = system.capacitances(place, at)
-            free = np.linalg.solve(here, -(system.currents(place, at) + here_column * slope[..., None])[..., None])
+            at = v_in + length * slope * _ALPHA_SUMS[stage]
+            current, here, here_column = system.currents_and_capacitances(place, at)
+            free = np.linalg.solve(here, -(current + here_column * slope[..., None])[..., None])
         else:
             free = np.linalg.solve(capacitance, -(current + column * slope[..., None])[..., None])
         right = (capacitance @ free)[..., 0]
-        drift = length * slope * (_GAMMA[stage].sum() + _DIAGONAL)
+        drift = length * slope * (_GAMMA_SUMS[stage] + _DIAGONAL)
         right = right - linear.input_conductance * drift[..., None]
         if stage:
             held = sum(g * change for g, change in zip(_GAMMA[stage], changes, strict=False) if g)
