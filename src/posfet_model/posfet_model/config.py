@@ -388,7 +388,7 @@ def _parsed(text: str) -> object:
     return parse(text)
 
 
-def find_file(name: str, folder: Path, kind: str) -> Path:
+def find_file(name: str, folder: Path, kind: str, listed: str = "") -> Path:
     """Return the path of a YAML file.
 
     Parameters
@@ -399,11 +399,14 @@ def find_file(name: str, folder: Path, kind: str) -> Path:
         Folder of the shipped files.
     kind : str
         What the file describes, for the error message.
+    listed : str
+        Where the shipped ones are listed, for the error message; '': it lists them itself.
 
     Raises
     ------
     ConfigError
-        If there is no such file; the message lists the shipped ones.
+        If there is no such file; the message names a similar one, and lists the shipped ones or says where they are
+        listed.
     """
     path = expanded(name)
     if path.suffix or path.parent != Path():
@@ -414,9 +417,8 @@ def find_file(name: str, folder: Path, kind: str) -> Path:
     if not is_there(shipped):
         names = sorted(entry.stem for entry in folder.glob("*.yaml"))
         meant = did_you_mean(name, names)
-        raise ConfigError(
-            f"{one_line(name)}: no such {kind}; {meant}give the path of a YAML file or one of {', '.join(names)}"
-        )
+        shown = f"a shipped {kind} ({listed})" if listed else f"one of {', '.join(names)}"
+        raise ConfigError(f"{one_line(name)}: no such {kind}; {meant}give the path of a YAML file or {shown}")
     return shipped
 
 

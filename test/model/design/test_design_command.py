@@ -299,7 +299,10 @@ def test_tolerances_are_printed_with_quantiles_and_yield(run: Any, tmp_path: Pat
     ("words", "message"),
     [
         ([], "give the path of a design file, or the name of a shipped one (--list)"),
-        (["nothing"], "nothing: no such design; give the path of a YAML file or one of "),
+        (
+            ["nothing"],
+            "nothing: no such design; give the path of a YAML file or a shipped design (listed by ",
+        ),
         (["none/x.yaml"], "none/x.yaml: no such design file"),
         (["two_stage", "--simulate", "in.csv"], "--simulate and --out must be given together"),
         (["two_stage", "--dt", "1e-6"], "--dt needs --simulate"),

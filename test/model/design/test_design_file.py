@@ -262,9 +262,9 @@ def test_the_papers_file_states_the_papers_values() -> None:
     assert load_design("square_millimetre").design.coupling == PosfetDesign().coupling
 
 
-def test_an_unknown_name_lists_the_shipped_designs() -> None:
+def test_an_unknown_name_says_what_lists_the_shipped_designs() -> None:
     with pytest.raises(
-        ConfigError, match=r"^nothing: no such design; give the path of a YAML file or one of one_stage, "
+        ConfigError, match=r"^nothing: no such design; .* a shipped design \(listed by posfet design --list\)$"
     ):
         load_design("nothing")
     assert {path.suffix for path in FOLDER.iterdir()} == {".yaml"}

@@ -186,5 +186,9 @@ def test_a_shipped_file_is_found_by_name_and_any_file_by_path(tmp_path: Path) ->
         find_file("bad", tmp_path, "scene")
     with pytest.raises(ConfigError, match=r"^goood: no such scene; did you mean good\? give the path of"):
         find_file("goood", tmp_path, "scene")
+    with pytest.raises(
+        ConfigError, match=r"^bad: no such scene; give the path of a YAML file or a shipped scene \(there\)$"
+    ):
+        find_file("bad", tmp_path, "scene", "there")
     with pytest.raises(ConfigError, match=r"^x/bad: no such scene file$"):
         find_file("x/bad", tmp_path, "scene")

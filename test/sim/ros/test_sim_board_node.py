@@ -335,7 +335,7 @@ def test_an_adapter_link_failure_is_reported(spin, tmp_path: Path, capfd) -> Non
 @pytest.mark.parametrize(
     ("parameters", "reason"),
     [
-        ({"scene": "no_such"}, "no_such: no such scene; .* press_slide_lift"),
+        ({"scene": "no_such"}, "no_such: no such scene; .* posfet scene"),
         ({"scene": "/no/such.yaml"}, "/no/such.yaml: no such scene file"),
         ({"seed": -1}, r"/tactile/sim_board_node: seed: must be a whole number in \[0, .*, got -1"),
         ({"seed": 1.5}, "/tactile/sim_board_node: seed: must be a whole number .*1.5"),

@@ -104,7 +104,7 @@ def load_design(name: str) -> DesignFile:
     ConfigError
         The file cannot be read or used; one line with file and key.
     """
-    path = find_file(name, FOLDER, "design")
+    path = find_file(name, FOLDER, "design", "listed by posfet design --list")
     section = read_yaml(path, may_be_empty=True)
     chosen: dict[str, Any] = {}
     for key, plausible in _FIELDS.items():

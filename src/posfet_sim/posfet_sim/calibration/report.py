@@ -94,76 +94,100 @@ def report(sensor: Sensor, calibration: Calibration) -> str:
 
 
 def summary(calibration: Calibration) -> list[str]:
-    """Return what a calibration has found and could not find, in lines.
+    """Return what a calibration has found and could not find, in lines of two columns.
 
     Parameters
     ----------
     calibration : Calibration
         The calibration.
     """
-    return [f"{name}: {value}" for name, value in _numbers(calibration)]
+    numbers = _numbers(calibration)
+    width = max(len(name) for name, _ in numbers)
+    return [f"{name:{width}}  {value}" for name, value in numbers]
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
+    """Return each finding with its name; ± is followed by its standard deviation."""
+    residuals = calibration.residuals
+    error = [] if residuals is None else [
+        ("force error (hold-out set)",
+         f"{residuals.force_rms * 1e3:.2f} mN RMS; {residuals.force_rms_before * 1e3:.2f} mN uncalibrated"),
+    ]  # fmt: skip
+    return [
+        *error,
+        *_taxel_numbers(calibration),
+        *_thermal_numbers(calibration),
+        *_film_numbers(calibration),
+        *_bending_numbers(calibration),
+    ]
+
+
+def _taxel_numbers(calibration: Calibration) -> list[tuple[str, str]]:
     alive = ~calibration.dead
     gain, tau = calibration.gain[alive], calibration.leak_time_constant[alive]
-    numbers = [
-        ("gain", f"{gain.mean():.3f} (taxels {gain.min():.3f} to {gain.max():.3f}) of nominal, "
-         f"+-{100 * calibration.gain_deviation[alive].max():.2f} % at most"),
-        ("leakage time constant", f"{tau.mean():.3f} s (taxels {tau.min():.3f} to {tau.max():.3f} s), "
-         f"+-{100 * calibration.leak_deviation[alive].max():.2f} % at most"),
+    cover = zip(calibration.cover_spreads, calibration.cover_shares, strict=True)
+    sizes = [f"{100 * share:.0f} % of {1e3 * spread:.2f} mm" for spread, share in cover if share]
+    return [
+        ("gain", f"{gain.mean():.3f} of nominal; taxels {gain.min():.3f} to {gain.max():.3f}, "
+         f"each ± {100 * calibration.gain_deviation[alive].max():.2f} % or less"),
+        ("leakage time constant", f"{tau.mean():.3f} s; taxels {tau.min():.3f} to {tau.max():.3f} s, "
+         f"each ± {100 * calibration.leak_deviation[alive].max():.2f} % or less"),
         ("crosstalk", f"{100 * calibration.crosstalk:.2f} %"),
         ("dead taxels", ", ".join(map(str, np.flatnonzero(calibration.dead))) or "none"),
+        ("spread of the cover", ", ".join(sizes) or "as the sensor file says"),
     ]  # fmt: skip
+
+
+def _thermal_numbers(calibration: Calibration) -> list[tuple[str, str]]:
+    numbers = []
     if calibration.thermal_time_constant is not None:
         sensors, dead = calibration.temperature_sensor_lag, calibration.temperature_sensor_dead_time
         of_which = f", {dead:.3f} s of it dead time" if dead > 0.0 else ""
-        lags = f"film {calibration.thermal_time_constant:.3f} s, sensors {sensors:.3f} s{of_which}"
-        numbers.append(("thermal lag", lags))
+        numbers.append(("thermal lag of the film", f"{calibration.thermal_time_constant:.3f} s"))
+        numbers.append(("lag of the temperature sensors", f"{sensors:.3f} s{of_which}"))
     if calibration.temperature_reading_deviation > 0.0:
         deviation = 1e3 * calibration.temperature_reading_deviation
-        numbers.append(("reading of the temperature sensors", f"+-{deviation:.1f} mK"))
+        numbers.append(("noise of the temperature sensors", f"± {deviation:.1f} mK"))
     if calibration.leak_per_kelvin_deviation < NOMINAL_LEAK_PER_KELVIN_DEVIATION:
-        numbers.append(
-            (
-                "leak rates per temperature",
-                f"{100 * calibration.leak_per_kelvin:+.2f} +-{100 * calibration.leak_per_kelvin_deviation:.2f} %/K",
-            )
-        )
+        rate, deviation = calibration.leak_per_kelvin, calibration.leak_per_kelvin_deviation
+        numbers.append(("growth of the leakage rate", f"{100 * rate:.2f} ± {100 * deviation:.2f} %/K"))
+    warmth = f"{1e3 * calibration.warmth:.0f} ± {1e3 * calibration.warmth_deviation:.0f} mK"
+    if not calibration.warmth_observed:
+        warmth = "not observable: it needs a long hold, and a light touch beside strong ones"
+    numbers.append(("temperature rise by touch", warmth))
+    return numbers
+
+
+def _film_numbers(calibration: Calibration) -> list[tuple[str, str]]:
     poles = zip(
         calibration.relaxation_time_constants,
         calibration.relaxation_sizes,
         calibration.relaxation_deviations,
         strict=True,
     )
-    sizes = [f"{100 * size:.2f} +- {100 * deviation:.2f} % in {tau:g} s" for tau, size, deviation in poles]
-    numbers.append(("relaxation and creep", ", ".join(sizes) or "not observable: the recording has no long hold"))
+    numbers = [
+        (f"relaxation with {tau:g} s", f"{100 * size:.2f} ± {100 * deviation:.2f} %") for tau, size, deviation in poles
+    ]
+    if not numbers:
+        numbers = [("relaxation and creep", "not observable: the recording has no long hold")]
     loops = zip(calibration.hysteresis_half_widths, calibration.hysteresis_weights, strict=True)
-    sizes = [f"{100 * weight:.2f} % of {1e3 * width:.0f} mN" for width, weight in loops]
-    numbers.append(("play operators of the hysteresis", ", ".join(sizes) or "not in the file"))
-    cover = zip(calibration.cover_spreads, calibration.cover_shares, strict=True)
-    sizes = [f"{100 * share:.0f} % of {1e3 * spread:.2f} mm" for spread, share in cover if share]
-    numbers.append(("spread of the cover", ", ".join(sizes) or "as the sensor file says"))
-    warmth = f"{1e3 * calibration.warmth:.0f} +- {1e3 * calibration.warmth_deviation:.0f} mK"
-    if not calibration.warmth_observed:
-        warmth = "not observable: it needs a long hold, and a light touch beside strong ones"
-    numbers.append(("temperature rise of a touched taxel", warmth))
-    sizes = [
-        f"{1e3 * size:.2f} +- {1e3 * deviation:.2f} mN/N {name}".rstrip()
-        for name, size, deviation in zip(
-            ("", "in x", "in y", "around the place that is pressed"),
+    operators = [(f"hysteresis of {1e3 * width:.0f} mN", f"weight {100 * weight:.2f} %") for width, weight in loops]
+    return numbers + (operators or [("hysteresis", "not in the file")])
+
+
+def _bending_numbers(calibration: Calibration) -> list[tuple[str, str]]:
+    numbers = [
+        (f"bending of the chip{where}", f"{1e3 * size:.2f} ± {1e3 * deviation:.2f} mN/N")
+        for where, size, deviation in zip(
+            ("", ", along x", ", along y", ", around the press"),
             calibration.bending,
             calibration.bending_deviation,
             strict=False,
         )
     ]
-    if sizes and len(profile := calibration.bending_profile):
-        sizes.append(f"{profile.min():.2f} to {profile.max():.2f} times the first one on the taxels")
-    numbers.append(("bending of the chip", ", ".join(sizes) or "not in the file"))
-    if calibration.residuals is not None:
-        after, before = calibration.residuals.force_rms, calibration.residuals.force_rms_before
-        numbers.append(("error on the hold-out set", f"{after * 1e3:.2f} mN RMS, {before * 1e3:.2f} mN uncalibrated"))
-    return numbers
+    if numbers and len(profile := calibration.bending_profile):
+        numbers.append(("bending of single taxels", f"{profile.min():.2f} to {profile.max():.2f} times the first one"))
+    return numbers or [("bending of the chip", "not in the file")]
 
 
 def _map(values: Floats) -> str:

@@ -103,13 +103,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except (ConfigError, ValueError) as error:
         print(error, file=sys.stderr)
         return BAD_INPUT
-    found = calibration.residuals
-    if found is not None:
-        print(
-            f"{options.out}: {found.force_rms * 1e3:.2f} mN RMS on the hold-out set, "
-            f"{found.force_rms_before * 1e3:.2f} mN uncalibrated"
-        )
-        print("\n".join(summary(calibration)[:-1]))
+    print(f"{options.out}: written; ± is followed by a standard deviation")
+    print("\n".join(f"  {line}" for line in summary(calibration)))
     return 0
 
 

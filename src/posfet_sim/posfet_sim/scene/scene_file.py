@@ -62,7 +62,7 @@ def load_scene(name: str | Path, sensor: Sensor) -> Scene:
         do not fit the period, an object is off the chip, or a force exceeds the range of the sensor. The message is one
         line naming file, key, allowed range and value.
     """
-    top = read_yaml(find_file(str(name), SCENE_FOLDER, "scene"))
+    top = read_yaml(find_file(str(name), SCENE_FOLDER, "scene", "listed by posfet scene and in docs/scenes.md"))
     period = top.number("period_s", 0, TIME_MAX, exclusive=True) if "period_s" in top else math.inf
     bend = _bend(top, sensor)
     thickness = top.number("cover_thickness_mm", 0.01, 20) * 1e-3 if "cover_thickness_mm" in top else None
