@@ -326,20 +326,19 @@ def _mismatch(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
     names = {kind: ", ".join(f"`{name}` ({seconds:g} s)" for name, seconds in of) for kind, of in tables.items()}
     text = f"""\
 A parameter of the device deviates from the model and the calibration. For each figure the worst of the scenes counts:
-{names["steady"]};
-for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is that of the scene itself.
-The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), also a mean.
-An error of d33 scales all forces, and is observable only with a reference force:
-a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all others.
-Forces count while they are valid. Where that is so at the weak beginning of a touch alone, the error is relative to
-next to nothing: on one board with a pyroelectric coefficient that differs by 20 %, most of the touch is not valid."""
+{names["steady"]}; for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is that of the scene itself.
+
+- The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), also a mean.
+- An error of d33 scales all forces, and is observable only with a reference force: a device with -10 % reads 0.9 of
+  each force, an error of 10 % in addition to all others.
+- Forces count while they are valid. On one board with a pyroelectric coefficient that differs by 20 %, most of the
+  touch is not valid: only its weak beginning counts."""
     return [text, "", *mismatch_rows(found), "", f"![Total force error against mismatch](figures/{FIGURE}.svg)"]
 
 
 FAULTY: Final = """\
-Faulty taxels are left out where the forces of taxels are compared, and count in the total force, to which their
-estimates belong. The latency counts from the first scan in which the true force of a
-taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not."""
+Faulty taxels are left out of the force rmse. They count in the total force, which includes their estimates. The latency
+counts from the first scan in which the true force of a taxel, faulty or not, reaches the contact threshold (20 mN)."""
 
 SECTIONS: Final = {
     "scenes": Section("Scenes", _scenes),
@@ -404,20 +403,39 @@ def main() -> None:
 
 {made}
 
-Simulated boards with the default sensor error model (docs/simulation.md; without resets), calibrated
-(`posfet calibrate`), with an additional random gain error of {MISMATCH * 100:g} %.
-Figures are means over {len(seeds)} boards, each run twice, with gain errors of both signs;
-in runs longer than {LONG:g} s over {FEW} boards with one sign. Id switches and latency are the worst of the boards.
-"By gain errors alone" is the error of the total force when everything else is exact: only a
-better calibration reduces it. A section with a date of its own was made by another run.
+| question | section |
+|---|---|
+| How wrong are forces and contacts on a good board? | [Scenes](#scenes) |
+| What is the best that a held force can be? | [Held force against the optimal \
+estimator](#held-force-against-the-optimal-estimator) |
+| What does a real film or board add? | [Real film and board](#real-film-and-board), and the three sections after it |
+| Which part of the estimator does how much? | [Ablation](#ablation) |
+| When is a slow press, or a slip, not seen? | [Slow presses](#slow-presses), [slips](#slips) |
+| What if my sensor file is wrong? | [Model mismatch](#model-mismatch) |
 
-Columns. Total force: mean absolute error of the total force over the mean true one, while something touches. Force
-rmse: root mean square error of the force on a taxel while something touches, in scenes without touch always. Drift of
-a held force: greatest change of the error of the total force from 0.2 s on after a force became constant, where it is
-held for 5 s or longer. Cop: distance of the centre of pressure of a contact from the true one. Precision: share of the
-reported contacts that are within 1.5 pitches of a true one. Recall: share of the true contacts of 0.1 N or more that
-are reported. Id switches: changes of the track id of a contact. False contacts: those that are never near a true one.
-Errors of forces count in valid scans only. "-": the scene does not have the figure.
+The boards are simulated, with the default [sensor error model](simulation.md#sensor-error-model) but without resets. \
+They are calibrated
+(`posfet calibrate`); then a random gain error of {MISMATCH * 100:g} % is added.
+Figures are means over {len(seeds)} boards, each run twice, with gain errors of both signs;
+in runs longer than {LONG:g} s over {FEW} boards with one sign. A section with a date of its own was made by another \
+run.
+
+| column | meaning |
+|---|---|
+| total force | mean absolute error of the total force over the mean true one, while something touches |
+| force rmse | root mean square error of the force on a taxel, while something touches; in scenes without touch always |
+| drift of a held force | greatest change of the error of the total force from 0.2 s on after a force became \
+constant, where it is held for 5 s or longer |
+| cop | distance of the centre of pressure of a contact from the true one |
+| precision | share of the reported contacts that are within 1.5 pitches of a true one |
+| recall | share of the true contacts of 0.1 N or more that are reported |
+| id switches | changes of the track id of a contact; the worst of the boards |
+| latency | delay until a contact is reported; the worst of the boards |
+| false contacts | those that are never near a true one |
+| by gain errors alone | error of the total force if everything else were exact: only a better calibration reduces it |
+| "-" | the scene does not have the figure |
+
+Errors of forces count in valid scans only.
 """
     if only:
         document = DOCUMENT.read_text(encoding="utf-8")

@@ -87,12 +87,15 @@ PIECES: Final = {
 """Disabled components, by name."""
 
 TEXT: Final = """\
-Ablation study: the same boards without gain error, so that gain errors mask nothing, each time with one component of
-the reconstruction disabled (benchmarks/accuracy/ablation.py). Figures are means over the boards; a force error is
-missing where no force was reported as valid. Without calibration the nominal parameters of the description are used;
-without film temperature no pyroelectric signal is compensated; without the states of a cause of errors these are taken
-for known (docs/estimation.md); without fault detection the faulty taxels that the calibration did not find count like
-the others."""
+The same boards without gain error, each time with one component of the reconstruction disabled
+(benchmarks/accuracy/ablation.py). Figures are means over the boards; a force error is missing where no force was valid.
+
+| without | means |
+|---|---|
+| calibration | nominal parameters, those of the sensor file |
+| film temperature | the pyroelectric signal is not compensated |
+| states of a cause of errors | this cause is assumed to be known ([estimation.md](estimation.md)) |
+| fault detection | faulty taxels that the calibration did not find count like the others |"""
 
 
 def rows(scores: Mapping[tuple[str, str], Sequence[Score]]) -> list[str]:

@@ -312,46 +312,50 @@ HEAD: Final = (
 )
 
 TEXT: Final = f"""\
-What a film and a readout board do that ideal ones do not (docs/simulation.md#real-film and below it), each alone, at
-the hard size and, with FULL=1 only, at the moderate one; all at once in the next section. The board is the default one
-besides, without resets and without an additional gain error, calibrated with its effects on the simulated calibration
-rig (the recording of `posfet calibrate`). Every {EVERY}th scan is scored.
+The effects are those of a [real film](simulation.md#real-film) and a [real board](simulation.md#real-board), which
+ideal ones do not have. Each acts alone here, at the hard size (with FULL=1 also at the moderate one); the next section
+has all at once. Otherwise the board is the default one, without resets and without an additional gain error. It is
+calibrated with its effects on the simulated rig of `posfet calibrate`. Every {EVERY}th scan is scored.
 
-Force errors, coverage and "misleading" are about valid scans only: read them together with the share of scans that is
-valid, which includes the start. "Mean error" is the mean absolute error of the total force over the mean true one
-during contact; "worst" the greatest error over the true total force of at least 50 mN. "Covered" is the share of errors
-within two reported standard deviations, of taxels whose true force reaches the contact threshold, of contacts and of
-the total force; 95 % would be right for normally distributed errors, more is cautious. "Misleading" is the share of
-scans that are valid although the total force is wrong by more than 10 % and by more than 50 mN. "Contacts left" are
-those that are still reported {SETTLED:g} s after the last touch. Figures are means over the boards; "worst" and
-"contacts left" are the greatest.
+The scene is a press of 1 N, a slide and a hold of 2 N for {HOLD:g} s. Sensor lag and offset, d33 and leakage with
+temperature act while the chip warms by {60 * WARMING:g} K a minute from 1 s on: compare them with
+"none, while warming".
 
-"Wrongly calibrated" are boards whose calibration was refused, or fits its own recording worse than nominal parameters
-do, and was not refused: nothing can be expected of them.
+| column | meaning |
+|---|---|
+| mean error | mean absolute error of the total force over the mean true one, during contact |
+| worst | greatest error over the true total force of at least 50 mN; the greatest of the boards |
+| covered | share of errors within two reported standard deviations: of taxels whose true force reaches the contact \
+threshold, of contacts, and of the total force. 95 % is right for normally distributed errors, more is cautious |
+| valid | share of scans that are valid; the start counts as not valid |
+| misleading | share of scans that are valid although the total force is wrong by more than 10 % and more than 50 mN |
+| contacts left | those still reported {SETTLED:g} s after the last touch; the greatest of the boards |
+| wrongly calibrated | the calibration was refused, or it fits its own recording worse than nominal parameters do: \
+nothing can be expected of such a board |
 
-Here each effect acts alone, during a press of 1 N, a slide and a hold of 2 N for {HOLD:g} s. Sensor lag and offset,
-d33 and leakage with temperature act while the chip warms by {60 * WARMING:g} K a minute from 1 s on: compare them with
-"none, while warming"."""
+Errors and coverage are those of valid scans: read them together with the share that is valid. Figures without another
+note are means over the boards."""
 
 TOGETHER_TEXT: Final = """\
 All effects at once, on `mixed`: four presses, a slide and a hold of 2 N for 20 s. "Calibrated without them": the same
-board, calibrated on a rig where it has none of the effects, so that what the estimator does is separated from what the
-calibration does."""
+board, calibrated on a rig where it has none of the effects. The difference shows what the calibration does."""
 
 CONTACTS_TEXT: Final = """\
-Each scene without the effects ("none": the default board) and with all of them at moderate size. A force that is there
-at power-on is not seen until it is released: by default the array is assumed to be untouched then. With the parameter
-`touch_at_start` data is not valid until the release."""
+Each scene without the effects ("none": the default board) and with all of them at moderate size. In
+`contact_at_power_on` a force is there at power-on. By default the array is assumed to be untouched then, so this force
+is not seen until it is released. With the parameter `touch_at_start` data is not valid until the release."""
 
 HOLDS_TEXT: Final = """\
 The same for a force of 2 N that is held for 10 s, a minute, and, with FULL=1 only, five minutes."""
 
 NOT_COVERED: Final = """\
-Not covered: combinations of effects other than all at once; faults of the link and resets; tangential forces, which are
-not simulated; other arrays than the 5 x 5 one; temperature changes in the tables of contacts and holds. One board, or
-few, give no confidence interval: a difference of some tenths of a per cent between two rows may be that of the draw.
-The effects are simulated by models of assumed magnitude, and the priors of the estimator were chosen for such
-magnitudes: no real film was measured."""
+Limits of these four tables:
+
+- No real film was measured. The effects are models of assumed magnitude, and the priors of the estimator were chosen
+  for such magnitudes.
+- One board, or few, give no confidence interval: two rows may differ by some tenths of a per cent by chance.
+- Not covered: some of the effects at once; faults of the link and resets; tangential forces, which are not simulated;
+  arrays other than the 5 x 5 one; temperature changes in the tables of contacts and holds."""
 
 
 def alone_rows(pool: Executor, full: bool) -> list[str]:

@@ -67,29 +67,32 @@ CASES: Final = (
 )
 
 TEXT: Final = f"""\
-2 N held by 256 taxels at once, after 2 s at rest, with white noise alone and with additional 1/f noise. The film
-neither relaxes, bends nor is warmed by a touch, and the estimator knows that it does not. The optimal estimator is a
-Kalman filter that knows the noise, the leakage, and when something touches as well (test/reference/held_force.py).
-Errors are root mean squares over the taxels. Under white noise alone the reported standard uncertainty exceeds the
-error: the estimator allows for offsets that walk, whose absence cannot be known.
+2 N are held by 256 taxels at once, after 2 s at rest. The film neither relaxes, bends nor is warmed by a touch, and the
+estimator knows that it does not. The optimal estimator is a Kalman filter that knows the noise, the leakage, and when
+something touches (test/reference/held_force.py). Errors are root mean squares over the taxels.
 
-Where the leakage is "estimated", its time constants differ from the calibration by {COMMON_LEAKAGE * 100:g} % on all
-taxels in common and by {OWN_LEAKAGE * 100:g} % on each taxel (standard deviations). The estimator knows only these
-standard deviations and estimates the time constants online; the optimal estimator knows the time constants. The
-remaining error is that of the estimate from the held force itself.
+Target: at most 1.2 times the error of the optimal estimator, and 95 % coverage of the two-sigma interval
+(test/model/estimation/test_held_force.py). Not reached are
 
-In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; "random walk" gives the intensity
-of an additional random walk of the chip temperature at all times, in mK/sqrt(s). The film lags behind the chip, two
-sensors measure the chip temperature at 10 Hz with a resolution of 1/256 K, and the taxels differ by
-{Drift.spread * 100:g} % in their pyroelectric response (test/reference/temperature_drift.py). The optimal estimator
-knows lag, rounding, random walk, and the greatest slope of a ramp; the estimator observes the random walk in the 2 s of
-rest. Both know that nothing but that walk warmed the film before the start. Target: at most 1.2 times the error of the
-optimal estimator, and 95 % coverage of the two-sigma interval. Not reached: the ratio with white noise alone, where
-errors are smallest, and with a strong random walk, which looks like a ramp; the strongest is not covered either
-(test/model/estimation/test_held_force.py).
+- the ratio with white noise alone, where errors are smallest;
+- the ratio with a strong random walk, which looks like a ramp; the strongest is not covered either.
 
-Where taxels are left "untouched", in arrays of 25, they give the temperature of all taxels; the optimal estimator does
-not use them, so its columns are empty."""
+| column | meaning |
+|---|---|
+| 1/f noise | in addition to white noise. With white noise alone the reported standard uncertainty exceeds the error: \
+the estimator allows for a random walk of the offsets, whose absence cannot be known |
+| temperature: ramp | the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on |
+| temperature: random walk | additional random walk of the chip temperature at all times, in mK/sqrt(s) |
+| untouched | taxels of an array of 25 that are left untouched. They show the temperature of all taxels. The optimal \
+estimator does not use them, so its columns are empty |
+| leakage: estimated | the time constants differ from the calibration by {COMMON_LEAKAGE * 100:g} % on all taxels in \
+common and by {OWN_LEAKAGE * 100:g} % on each taxel (standard deviations). The estimator knows only these deviations, \
+and estimates the time constants from the held force; the optimal estimator knows the time constants |
+
+Temperature (test/reference/temperature_drift.py): the film lags behind the chip. Two sensors measure the chip
+temperature at 10 Hz with a resolution of 1/256 K. The taxels differ by {Drift.spread * 100:g} % in their pyroelectric
+response. The optimal estimator knows lag, rounding, random walk, and the greatest slope of a ramp; the estimator
+observes the random walk in the 2 s of rest. Both know that nothing but that walk warmed the film before the start."""
 
 
 def held(seed: int, case: Case) -> list[Held]:

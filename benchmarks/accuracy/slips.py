@@ -62,10 +62,11 @@ MISMATCH: Final = 0.05
 """Standard deviation of the gain error after calibration [1]."""
 
 TEXT: Final = f"""\
-A ball of 4 mm radius slips {SLIPS} times on each board, in a straight line at a constant speed with a step onset, at
-random positions and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that counts as a slip; it is detected when
-it is reported within 50 ms. "False slips" are slips reported at any other time, including onset and release of the
-contact within {RISE * 1e3:g} ms. In the last row a held ball rests while its force varies randomly at up to 5 Hz."""
+A ball of 4 mm radius slips {SLIPS} times on each board: in a straight line, at a constant speed from the first instant
+on, at random positions and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that counts as a slip. It is
+detected when it is reported within 50 ms. "False slips" are slips reported at any other time, also while the contact
+begins or ends, within {RISE * 1e3:g} ms. In the last row a held ball rests, and its force varies at random at up to
+5 Hz."""
 
 BOARD: Final = replace(ErrorModel.default(), resets_per_hour=0.0)
 

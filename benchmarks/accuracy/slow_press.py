@@ -38,9 +38,9 @@ HELD: Final = 1.0
 
 TEXT: Final = f"""\
 A ball of 4 mm radius presses slowly on a calibrated board without gain error. The detection delay counts from the scan
-in which the true force of a taxel reaches the contact threshold. Until then the press looks like drift, which is
-absorbed, on the surrounding taxels for longer. "Missing" is the share of the total force that is missing after {HELD:g}
-s of hold."""
+in which the true force of a taxel reaches the contact threshold. Until it is detected, the press looks like drift,
+which is absorbed; on the surrounding taxels that goes on for longer. "Missing" is the share of the total force that is
+missing after {HELD:g} s of hold."""
 
 
 def press(
