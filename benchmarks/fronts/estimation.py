@@ -77,10 +77,10 @@ def _front(
         tuple(choices),
         shipped,
         theory(),
-        f"A Kalman filter per taxel with fixed noise errs {shown(plain.error / own.error)} times as much as what is "
-        f"shipped, in {shown(plain.median / own.median)} of the run time. {best.name[0].upper()}{best.name[1:]} errs "
-        f"least, by {shown(best.error / own.error)} of that: blocks below 20 ms, one period of the mains, take its hum "
-        "for forces and restart their offsets until it is removed, so that in a short scene no force is valid.",
+        f"A Kalman filter per taxel with fixed noise has {shown(plain.error / own.error)} times the error of the "
+        f"shipped choice, in {shown(plain.median / own.median)} of its run time. The least error, "
+        f"{shown(best.error / own.error)} of the shipped one's, is that of: {best.name}. Blocks below 20 ms, one "
+        "period of the mains, are no choice: they count its hum as forces, so that in a short scene no force is valid.",
         why_not={
             "": "A longer block averages more, but thresholds, faults and offsets follow a touch that much later; it "
             "is 20 ms, one period of the mains.",

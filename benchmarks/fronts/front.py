@@ -22,8 +22,8 @@ from benchmarks.outcome import shown
 MOST_SERIES = 7
 """Largest number of series that a reader can tell apart."""
 
-SENTENCES = 2
-"""Sentences that a reader is given beside a figure."""
+SENTENCES = range(2, 6)
+"""Numbers of sentences that a reader may be given beside a figure: what is measured, then what to choose."""
 
 ERROR_NOISE = 1.02
 """An error counts as larger than another from this ratio on."""
@@ -173,8 +173,8 @@ class Front:
             wrong.append("two choices have one name")
         if len({choice.series for choice in self.choices}) > MOST_SERIES:
             wrong.append(f"more than {MOST_SERIES} series")
-        if (found := sentences(self.reading)) != SENTENCES:
-            wrong.append(f"{found} sentences of reading, not {SENTENCES}")
+        if (found := sentences(self.reading)) not in SENTENCES:
+            wrong.append(f"{found} sentences of reading, not {SENTENCES[0]} to {SENTENCES[-1]}")
         if bool(self.question) != any(choice.name == self.rival for choice in self.choices):
             wrong.append(f"question {self.question!r} and choice to compare with {self.rival!r}")
         if self.shipped and self.shipped_choice is None:

@@ -30,21 +30,27 @@ HEAD = """\
 # Run time against error
 
 Which method to use for what, what it costs, and how wrong it is: this stack beside methods that are common elsewhere,
-on the same input. Written by `make fronts`, which fails where a figure, a table or a check contradicts the measurement;
-do not edit."""
+on the same input. The next table is the short answer. Each row leads to a section with figure and measurements.
+`make fronts` writes this page; do not edit. It fails where a figure, a table or a check contradicts the measurement."""
 
 HOW_TO_READ = """\
-**Reading a figure.** Left is faster, down is more accurate, both axes are logarithmic. Run times are processor times
-in units of the shipped choice (the circled point), or of the fastest where a stage has no single shipped choice:
-medians of interleaved repetitions, so that other load disturbs all choices alike. The grey staircase is the Pareto set:
-no other choice is both faster and more accurate. Points of a series are joined only where one parameter changes on the
-same scene. Below the dotted line the reference itself is not known better, and errors are not separated; an error of 0
-is drawn a decade below the smallest other one. A choice counts as faster where the quartiles of the repetitions do not
-overlap.
+**Reading a figure.** Left is faster, down is more accurate; both axes are logarithmic.
 
-**Raw data.** [fronts.json](../benchmarks/results/fronts.json) has every repetition, median, minimum and quartiles,
-[fronts.csv](../benchmarks/results/fronts.csv) one line for each repetition; times in both are absolute, for the machine
-stated below."""
+| in a figure | meaning |
+|---|---|
+| run time | processor time in units of the shipped choice, or of the fastest where no single one is shipped |
+| circle | the shipped choice |
+| grey staircase | the Pareto set: no other choice is both faster and more accurate |
+| joined points | one parameter changes, on the same scene |
+| dotted line | below it the reference itself is not known better, and errors are not separated |
+| a point far below all others | an error of 0, drawn a decade below the smallest other one |
+
+Run times are medians of interleaved repetitions, so that other load disturbs all choices alike. A choice counts as
+faster where the quartiles of the repetitions do not overlap.
+
+**Raw data.** [fronts.json](../benchmarks/results/fronts.json) has every repetition, median, minimum and quartiles;
+[fronts.csv](../benchmarks/results/fronts.csv) has one line for each repetition. Times in both are absolute, for the
+machine stated below."""
 
 
 MOST = 1e6

@@ -229,12 +229,12 @@ def _front(film: str, what: str, recordings: Sequence[Recording], calibration: C
     nearest = min((each for each in choices if each.series != STACK and each.more[0] == each.more[0]),
                   key=lambda each: each.more[0])  # fmt: skip
     reading = (
-        f"Over {what} the shipped configuration errs by {shown(own.error)} % of the total force, the best peer "
-        f"({rival.name}) by {shown(rival.error)} %, {shown(rival.error / own.error)} times as much, in "
-        f"{shown(rival.median / own.median)} of the run time; the centre of pressure is off by {shown(own.more[0])} "
-        f"mm, that of the nearest peer ({nearest.name}) by {shown(nearest.more[0])} mm. Choose a peer without "
+        f"Over {what} the error of the total force is {shown(own.error)} % with the shipped configuration. With the "
+        f"best peer ({rival.name}) it is {shown(rival.error)} %, {shown(rival.error / own.error)} times as much, in "
+        f"{shown(rival.median / own.median)} of the run time. The centre of pressure is off by {shown(own.more[0])} "
+        f"mm; with the nearest peer ({nearest.name}) by {shown(nearest.more[0])} mm. Choose a peer without "
         "leakage in its model only where nothing is held: it follows the charge, which decays under a constant "
-        f"force, while the stack also estimates the {shown(own.more[-1])} % of the force that is on taxels which it "
+        f"force. The stack also estimates the {shown(own.more[-1])} % of the force that is on taxels which it "
         "declares faulty."
     )
     return Front(

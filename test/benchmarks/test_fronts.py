@@ -26,6 +26,7 @@ from benchmarks.fronts.exhibit import Exhibit
 from benchmarks.fronts.front import Check, Effort, Front, FrontError, order
 from benchmarks.fronts.interleaved import interleaved
 from benchmarks.fronts.pipeline import theory
+from benchmarks.outcome import shown
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.spice import ngspice
 from support.long_cases import long_cases
@@ -54,7 +55,8 @@ def test_a_check_out_of_range_fails_the_front(value: float) -> None:
         (_front(*(_choice(f"series {k}", "", 1.0, 1e-6) for k in range(8))), "more than 7 series"),
         (_front(FAST, replace(GOOD, error=math.nan)), "error nan"),
         (_front(FAST, replace(GOOD, more=(1.0,))), "further figures"),
-        (_front(FAST, GOOD, reading="One sentence of 0.5 mm."), "1 sentences of reading"),
+        (_front(FAST, GOOD, reading="One sentence of 0.5 mm."), "1 sentences of reading, not 2 to 5"),
+        (_front(FAST, GOOD, reading="One of 0.5 mm. " * 6), "6 sentences of reading, not 2 to 5"),
         (_front(FAST, GOOD, question="a use"), "question 'a use'"),
     ],
 )
@@ -165,3 +167,10 @@ def test_parts_alone_need_another_folder(capsys: pytest.CaptureFixture[str]) -> 
     with pytest.raises(SystemExit):
         command.main(["--short"])
     assert "name another folder with --out" in capsys.readouterr().err
+
+
+def test_the_text_on_the_hold_states_the_run_time_that_is_measured() -> None:
+    [front] = command.stage("charge")(SHORT)
+    held = {each.series: each.median for each in front.choices if each.parameter == "1 ms"}
+    ratio = shown(held["zero-order hold"] / held["first-order hold"])
+    assert f"times as much, in {ratio} of the run time." in front.reading
