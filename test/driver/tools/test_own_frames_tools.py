@@ -79,7 +79,7 @@ def test_record_and_decode(
     assert cells[cells.index("lost scans") + 1] == "0"
 
 
-@pytest.mark.parametrize("words", [["command", "stop"], ["monitor", "--start", "--for", "1"]])
+@pytest.mark.parametrize("words", [["command", "stop"], ["monitor", "--start", "--for", "1"], ["conform"]])
 def test_commands_are_refused(
     selected: list[str], clock: PacedClock, words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.listening_board import LISTENS_ONLY
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.conformance.checks import DOCUMENT, Finding, Outcome
 from posfet_driver.conformance.conformance import conform
@@ -34,6 +35,8 @@ COLOURS: Final = {Outcome.PASS: "green", Outcome.FAIL: "red", Outcome.NOT_CHECKE
 def run_conform(options: argparse.Namespace) -> int:
     """Run `posfet can conform`; return the exit code: 0 when no rule is broken."""
     with bus_of(options) as (sensor, settings):
+        if sensor.mapping:
+            raise CommandError(f"conform: {LISTENS_ONLY}")
         layout, link = sensor.layout, sensor.can
         board = Board(link.base_id, layout.taxels, layout.id, link.fd, round(1e6 / link.scan_rate), settings.fd)
         bus = open_bus(settings)
