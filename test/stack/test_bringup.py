@@ -132,7 +132,7 @@ def test_live_display_in_a_terminal() -> None:
 
 
 BAD_INPUT = {
-    "unknown argument": (["sourse:=sim"], "sourse: unknown argument, did you mean source? known are source"),
+    "unknown argument": (["sourse:=sim"], "sourse: unknown argument, did you mean source? posfet bringup -s lists all"),
     "not an argument": (["sim"], "sim: must be an argument name:=value"),
     "not a choice": (["source:=usb"], "source: must be one of sim, can, emulator, replay, got 'usb'"),
     "not a bitrate": (["can_bitrate:=fast"], "can_bitrate: must be a whole number"),

@@ -27,7 +27,7 @@ def test_given_values_override_defaults() -> None:
 @pytest.mark.parametrize(
     ("word", "reason"),
     [
-        ("sourse:=sim", "sourse: unknown argument, did you mean source? known are source, can_interface"),
+        ("sourse:=sim", "sourse: unknown argument, did you mean source? posfet bringup -s lists all"),
         ("source=sim", "source=sim: must be an argument name:=value"),
         ("source:=usb", "source: must be one of sim, can, emulator, replay, got 'usb'"),
         ("composed:=yes", "composed: must be true or false, got 'yes'"),

@@ -216,7 +216,7 @@ def check(values: dict[str, str]) -> dict[str, str]:
         if name not in known:
             if name in {argument.name for argument in LAUNCH_ARGUMENTS}:
                 raise ConfigError(f"{name}: is an argument of the launch file only")
-            raise ConfigError(f"{name}: unknown argument, {did_you_mean(name, known)}known are {', '.join(known)}")
+            raise ConfigError(f"{name}: unknown argument, {did_you_mean(name, known)}posfet bringup -s lists all")
         if name == NAMESPACE.name:
             checked_namespace(value)
             continue
