@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import importlib
 from collections.abc import Sequence
@@ -95,3 +96,12 @@ def test_socketcand_and_multicast_get_address_and_port(opened: Any) -> None:
     assert arguments == {"channel": "can0", "host": "127.0.0.1", "port": 29536}
     arguments = opened("udp_multicast", "ff15::1", options=["port=43113", "hop_limit=0"])
     assert arguments == {"channel": "ff15::1", "fd": True, "port": 43113, "hop_limit": 0}
+
+
+def test_a_kernel_without_socketcan_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_such_family(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+
+    monkeypatch.setattr("can.interfaces.socketcan.SocketcanBus.__init__", no_such_family)
+    with pytest.raises(can.CanInitializationError, match=r"^socketcan:can0: this kernel has no SocketCAN, .*modprobe"):
+        open_can_bus(bus_settings("socketcan", "can0", load_sensor().can))

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import importlib
 import inspect
 import logging
@@ -172,6 +173,8 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
         if bus_class is SlcanBus and isinstance(error, ValueError):  # checks its arguments; a device has no part in it
             raise ConfigError(f"{settings.name}: {one_line(error)}") from error
         reason = one_line(bus_failure(error)).removeprefix(f"{settings.channel}: ")
+        if isinstance(error, OSError) and error.errno == errno.EAFNOSUPPORT:
+            reason = "this kernel has no SocketCAN, or its module is not loaded: sudo modprobe can_raw"
         raise can.CanInitializationError(f"{settings.name}: {reason}") from error
 
 
