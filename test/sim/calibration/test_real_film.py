@@ -204,7 +204,7 @@ def test_the_bending_of_the_chip_is_found(name: str, fitted: Fits) -> None:
 
 def test_the_report_names_the_bending(fitted: Fits) -> None:
     found = fitted["bending"][1]
-    assert f"{1e3 * found.bending[0]:.2f} +- {1e3 * found.bending_deviation[0]:.2f} mN/N" in report(SENSOR, found)
+    assert f"{1e3 * found.bending[0]:.2f} ± {1e3 * found.bending_deviation[0]:.2f} mN/N" in report(SENSOR, found)
     assert "not in the file" in report(SENSOR, replace(found, bending=np.zeros(0), bending_deviation=np.zeros(0)))
 
 
