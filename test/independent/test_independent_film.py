@@ -442,7 +442,7 @@ def test_a_light_touch_that_its_warmth_hides_is_not_valid_and_leaves_no_force(nu
     "row",
     [
         "warmth_100mK",
-        pytest.param("warmth_100mK_soft", marks=pytest.mark.xfail(strict=True, reason="11 % too low, and not valid")),
+        "warmth_100mK_soft",
         "warmth_100mK_stiff",
         "warmth_100mK_step",
     ],

@@ -377,7 +377,7 @@ STORIES = {
         220,
     ),
     "slow presses whose warmth hides them": (
-        Story(5, 5, 3, calibrated=True, force=0.05, warmth=0.1, rise=2.0),
+        Story(5, 5, 7, calibrated=True, force=0.1, warmth=0.1, rise=4.0),
         ("may touch", "pressed"),
         400,
     ),

@@ -394,7 +394,7 @@ def test_a_force_of_which_warmth_leaves_nothing_is_not_valid_as_none() -> None:
 
 def test_a_slow_press_whose_warmth_hides_more_than_it_is_not_valid_and_leaves_no_force() -> None:
     """It reads less than none, and zeros absorbed it; as it left, the film that cooled was a press for good."""
-    begin, end = 3.0, 11.0
+    begin, end = 6.0, 14.0
 
     def force(time: float) -> float:
         share = min(max((time - begin) / 4.0, 0.0), 1.0)
@@ -405,7 +405,7 @@ def test_a_slow_press_whose_warmth_hides_more_than_it_is_not_valid_and_leaves_no
     totals = history(watch, SENSOR, end + 5.0, force=force, shape=PATCH).sum(axis=1)
     assert all(watch.valid[1000 : round(1000 * begin)])
     assert not any(watch.valid[round(1000 * begin) + 2500 : round(1000 * end) + 500])
-    assert np.abs(totals[round(1000 * end) + 3000 :]).max() < 0.02
+    assert np.abs(totals[round(1000 * end) + 3000 :]).max() < 0.05
 
 
 def test_what_a_hot_object_does_to_the_whole_film_is_no_warming_since_before_the_start() -> None:

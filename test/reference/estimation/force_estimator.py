@@ -1545,7 +1545,7 @@ class ForceEstimator:
         self._hidden_touch.follow_touch(self._touched, self._mean, self._thermal_contact, hides, duration)
         if not hides:
             return
-        fallen = np.where(self._untouched_time < 0.5 * ABSORBED_TIME, 0.0, -self._unusual())
+        fallen = np.where(self._untouched_time < ABSORBED_TIME, 0.0, -self._unusual())
         pressed = ~self._touched & ~self.ignored & self.offset_known & (fallen > self._hidden_touch.least)
         if any_true(pressed):
             self._hidden_touch.pressed |= pressed

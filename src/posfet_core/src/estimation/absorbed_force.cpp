@@ -70,7 +70,7 @@ void AbsorbedForce::find(const Belief& belief, const TaxelFlags& touched, const 
   for (std::size_t taxel = 0; taxel < error_.size(); ++taxel) {
     const double own = values_[taxel] - film * array_.newton_per_kelvin[taxel];
     values_[taxel] = std::max(own, 0.0);
-    fallen_[taxel] = untouched_for_[taxel] < 0.5 * kAbsorbedTime ? 0.0 : std::max(-own, 0.0);
+    fallen_[taxel] = untouched_for_[taxel] < kAbsorbedTime ? 0.0 : std::max(-own, 0.0);
   }
 }
 
